@@ -127,7 +127,7 @@ def test_the_extent_of_a_scenario():
 )
 def test_checks_of_files(monkeypatch, options, problems, printed, code):
     """Stability is looked at where nothing else is wrong."""
-    monkeypatch.setattr(check, "check_file", lambda file, overrides, hardware, imports: (problems, "extent"))
+    monkeypatch.setattr(check, "check_file", lambda *_: (problems, "extent"))
     monkeypatch.setattr(check, "check_stability", lambda *_: ["x", "y"])
     result = CliRunner().invoke(check.command, ["f.yaml", *options])
     assert (result.output.splitlines(), result.exit_code) == (printed, code)

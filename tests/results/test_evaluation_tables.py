@@ -11,8 +11,9 @@ import pytest
 from tests.every_case import every_case
 from twin.results import Expectation, Metric, Plot, Signals, Window, evaluate
 from twin.results.evaluation import dimension, expression
+from twin.results.evaluation.hardware_termination import HardwareTermination
 from twin.results.evaluation.metric_format import metric_format
-from twin.results.evaluation.metrics import HardwareTermination, MetricResult
+from twin.results.evaluation.metrics import MetricResult
 from twin.results.evaluation.ordering import check_order, format_seeds
 from twin.results.evaluation.reduction import MOMENT_REDUCTIONS, REDUCTIONS, reduce_samples
 
@@ -104,8 +105,8 @@ def test_ends_of_several_runs() -> None:
         for each in evaluate({}, expectations, tables, True, ended).expectation_results
     ]
     assert found == [
-        ("e", "pass", "2 runs stopped at 1 s to 3 s, everything at rest; expected a stop."),
-        ("e", "fail", "FF, seed 1 ran to its end. Expected a stop, everything at rest."),
+        ("e", "pass", "2 runs stopped at 1 s to 3 s, everything at rest; expected a stop. In 1 of 2 variants: PI."),
+        ("e", "fail", "FF, seed 1 ran to its end. Expected a stop, everything at rest. In 1 of 2 variants: FF."),
         ("e", "skipped", "None of its variants was run."),
     ]
 
@@ -143,7 +144,11 @@ def test_orders(first: Any, second: Any, options: dict[str, Any], verdict: str, 
 
 def test_an_order_of_one_variant() -> None:
     expectation = Expectation("named", "m", ordered=("PI", "FF"))
-    assert check_order(expectation, {"PI": result("PI", 1.0)}) == ("named", "skipped", "m needs at least two variants.")
+    assert check_order(expectation, {"PI": result("PI", 1.0)}) == (
+        "named",
+        "skipped",
+        "Not judged: of PI; FF, only PI has m in this run.",
+    )
     assert format_seeds([1, 2, 3, 4], [3]) == "It holds at seeds 1, 2, 4, not at 3."
 
 

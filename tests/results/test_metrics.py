@@ -199,7 +199,7 @@ def test_what_did_not_finish_is_left_out() -> None:
         (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.49), "pass", "m: A 34.95 mN > B 17.48 mN (required margin: 49 %)."),
         (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.51), "fail", "m: A 34.95 mN but not above B 17.48 mN (required margin: 51 %). It holds at no seed: 0, 1."),
         (Expectation("", metric="m", ordered=("A", "B"), margin=0.53 * STD), "fail", "m: A 34.95 mN but not above B 17.48 mN (required margin: 17.64 mN). It holds at seed 1, not at 0."),
-        (Expectation("", metric="m", ordered=("A", "X")), "skipped", "m needs at least two variants."),
+        (Expectation("", metric="m", ordered=("A", "X")), "skipped", "Not judged: of A; X, only A has m in this run."),
         (Expectation("", metric="m", at_most=0.035), "fail", f"m is {format_value(1.1 * STD, 'N')} in A, seed 1; expected at most 0.035 N."),
         (Expectation("", metric="m", at_most=0.035, variants=("B",)), "pass", f"m was {format_value(0.5 * STD, 'N')} to {format_value(0.55 * STD, 'N')}; expected at most"),
         (Expectation("", metric="m", at_most=1.06 * STD, variants=("A",), mean=True), "pass", f"m was {format_value(1.05 * STD, 'N')}; expected"),

@@ -334,11 +334,14 @@ def test_items_of_a_variant() -> None:
         {"metric": "b", "variants": "FF"},
         {"metric": "c", "ordered": ["PI", "FF"]},
         {"metric": "d", "reference": {"PI": 1, "FF": 2}},
-        {"metric": "e", "reference": {"FF": 2}},
+        {"metric": "e", "reference": {"FF": 2}, "tolerance": "20 %"},
         {"metric": "f", "reference": 3},
+        {"metric": "g", "except": ["PI"], "at_most": 1},
+        {"metric": "h", "except": "FF", "at_most": 1},
         "text",
     ]
-    kept = [{"metric": "a", "at_most": 1}, {"metric": "d", "reference": 1}, {"metric": "e"}, items[5], "text"]
+    kept = [{"metric": "a", "at_most": 1}, {"metric": "d", "reference": 1}, {"metric": "e"}, items[5]]
+    kept += [{"metric": "h", "at_most": 1}, "text"]  # a tolerance needs a reference
     assert ssp_extra.of_variant(tree(items), "PI").plain() == kept
     named = ssp_extra.of_variant(tree({str(i): item for i, item in enumerate(items[:4])}), "PI")
     assert named.plain() == {"0": kept[0], "3": kept[1]}

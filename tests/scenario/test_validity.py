@@ -45,6 +45,29 @@ def test_an_analysis_that_counts_rows_refuses_another_interval(tmp_path, scenari
     assert all(f"expects rows every {expected}, and the record has one every {interval}." in line for line in problems)
 
 
+ROWS = """
+start_time: 5 s
+stop_time: 6 s
+members: {heart: {component: heart}}
+record: {every: 5 ms, variables: [heart.position]}
+analyses: {windows: {function: "fmus.wall_tracking.windows:analysis", inputs: {force: heart.position}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("keys", "time"),
+    [("", "5 s"), ("start_time: 0 s", ""), ("start_time: 0 s\nanalyses: {windows: {from: 1 s}}", "1 s")],
+)
+def test_an_analysis_that_counts_from_zero_refuses_another_first_row(tmp_path, keys, time):
+    """The window from 12 s would begin at 17 s."""
+    (tmp_path / "base.yaml").write_text(ROWS)
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"extends: base.yaml\n{keys}\n")
+    problems = lint(path)[1]
+    assert len(problems) == bool(time)
+    assert all(f"expects its first row at 0 s, and gets it at {time}. Change start_time" in line for line in problems)
+
+
 def test_the_paper_s_estimate_is_refused_for_a_minute():
     with pytest.raises(ScenarioError, match="use heart_wall_force"):
         load_scenario("heart_wall_replay", ["stop_time=60 s"])

@@ -41,8 +41,9 @@ def command(
 ) -> None:
     """Check scenario files: keys, units, names, times, connections.
 
-    Each problem is one line, `file:line: what is wrong and what to do`. Nothing is compiled or simulated, but modules of
-    components and analyses are imported, which executes their code: use --no-import for files from untrusted sources.
+    Each problem is one line, `file:line: what is wrong and what to do`. Components are translated to C, but nothing is
+    compiled or simulated. Modules of components and analyses are imported, which executes their code: use --no-import
+    for files from untrusted sources.
 
     If the algorithm repeats steps, third-party FMUs are started to verify that they support rollback. Faults among the
     events are keys of the hardware file: name it with --hardware.
@@ -60,7 +61,7 @@ def command(
     count = 0
     for file in files:
         with show_elapsed(f"checking {file}"):
-            problems, extent = check_file(file, overrides, hardware, not no_import)
+            problems, extent = check_file(file, overrides, hardware, not no_import, Path("build"))
         for problem in problems:
             say(problem)
         for note in [*notes(file), *(hardware.bounds() if hardware is not None and not problems else ())]:
@@ -76,9 +77,13 @@ def command(
 
 
 def check_file(
-    file: str, overrides: tuple[str, ...] = (), hardware: Hardware | None = None, imports: bool = True
+    file: str,
+    overrides: tuple[str, ...] = (),
+    hardware: Hardware | None = None,
+    imports: bool = True,
+    build: Path | None = None,
 ) -> tuple[list[str], str]:
-    """Return the problems of a file and, if there are none, its extent."""
+    """Return the problems of a file and, if there are none, its extent. `build`: of the C of components; None: not translated."""
     from twin import scenario as scenarios
 
     try:
@@ -87,6 +92,8 @@ def check_file(
             _, problems = scenarios.resolve_variables(hardware.apply(scenario))
         if imports and not problems and any(case.algorithm.rolls_back for case in scenario.variants):
             problems = check_rollback(scenario)
+        if imports and not problems and build is not None:
+            problems = scenarios.members.translation_problems(scenario.variants, build)
     except ScenarioError as error:
         return error.problems, ""
     return problems, describe_extent(scenario)

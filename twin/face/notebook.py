@@ -22,7 +22,7 @@ STYLE = """<style>
 .twin th, .twin td { padding: 3px 12px 3px 0; text-align: left; vertical-align: top; border: 0; border-bottom: 1px solid #8884;
   background: none; }
 .twin th.number, .twin td.number { text-align: right; white-space: nowrap; }
-.twin b.pass { color: #2a9d6f; } .twin b.fail, .twin b.none { color: #e0525f; } .twin b.other { color: #d08a1d; }
+.twin b.pass { color: #2a9d6f; } .twin b.fail, .twin b.none { color: #e0525f; } .twin b.other, .twin b.cut { color: #d08a1d; }
 .twin b.skipped, .twin b.info { opacity: .6; font-weight: 400; }
 .twin summary { cursor: pointer; margin: 8px 0; }
 </style>"""
@@ -33,6 +33,7 @@ WORDS = {
     "none": "no value",
     "info": "-",
     "other": "not comparable (settings differ from the paper's)",
+    "cut": "not comparable (the run ends before the metric's window)",
 }
 
 
@@ -144,4 +145,5 @@ def state(summary: Mapping[str, Any], folder: Path) -> str:
         text = "✓ completed"
     cases = [f"{case['variant']} {case['seed']}" for case in summary["cases"]]
     more = " …" if len(cases) > CASES else ""
-    return f'<b class="{kind}">{escape(text)}</b>' + paragraph(f"{', '.join(cases[:CASES])}{more}; {folder}")
+    notes = "".join(paragraph(f"Note: {sentence}") for sentence in summary.get("unjudged", ()))
+    return f'<b class="{kind}">{escape(text)}</b>{notes}' + paragraph(f"{', '.join(cases[:CASES])}{more}; {folder}")

@@ -8,12 +8,12 @@ from twin.results import plot_annotations
 from twin.results.analysis import Analysis
 from twin.results.evaluation import dimension, expression
 from twin.results.evaluation.expression import Expression
+from twin.results.evaluation.hardware_termination import HardwareTermination
 from twin.results.evaluation.metric_format import MetricFormat, common_format, metric_formats
 from twin.results.evaluation.metrics import (
     Evaluation,
     Expectation,
     ExpectationResult,
-    HardwareTermination,
     Metric,
     MetricResult,
     Plot,

@@ -6,7 +6,8 @@
 The function receives the inputs as arrays in SI by keyword, and returns a dict: a number, or an array as long as its
 inputs, for each name of its attribute `outputs` (name -> unit). Metrics, plots and signals.parquet then contain
 `bouc_wen.alpha_x` like a member's variable. A function that counts rows instead of seconds has an attribute
-`row_interval` [s]; a scenario that records at another interval is refused.
+`row_interval` [s]; a scenario that records at another interval is refused. A function that takes its first row for a
+certain time has `first_row` [s]; a scenario or analysis that begins at another time is refused.
 """
 
 from __future__ import annotations
@@ -72,16 +73,24 @@ class Analysis:
             for name, unit in outputs.items()
         }
 
-    def interval_problem(self, interval_ns: clock.Time) -> str:
-        """Return why rows at this interval [ns] cannot be analyzed; empty if they can."""
-        required = getattr(self.load(), "row_interval", None)
-        if required is None or round(required * clock.NANOSECONDS) == interval_ns:
-            return ""
-        expected = clock.text(round(required * clock.NANOSECONDS))
-        return (
-            f"{self.where}: {self.function} expects rows every {expected}, and the record has one every"
-            f" {clock.text(interval_ns)}. Set `record: {{every: {expected}}}`, or remove it: `analyses: {{{self.name}: null}}`."
-        )
+    def rows_problem(self, start_ns: clock.Time, interval_ns: clock.Time) -> str:
+        """Return why rows from `start_ns` at `interval_ns` [ns] cannot be analyzed; empty if they can."""
+        function = self.load()
+        interval, start = getattr(function, "row_interval", None), getattr(function, "first_row", None)
+        start_ns = max(start_ns, self.window.start_ns or start_ns)
+        remove = f"or remove it: `analyses: {{{self.name}: null}}`."
+        if interval is not None and (needed := round(interval * clock.NANOSECONDS)) != interval_ns:
+            expected = clock.text(needed)
+            return (
+                f"{self.where}: {self.function} expects rows every {expected}, and the record has one every"
+                f" {clock.text(interval_ns)}. Set `record: {{every: {expected}}}`, {remove}"
+            )
+        if start is not None and (needed := round(start * clock.NANOSECONDS)) != start_ns:
+            return (
+                f"{self.where}: {self.function} expects its first row at {clock.text(needed)}, and gets it at"
+                f" {clock.text(start_ns)}. Change start_time or the analysis's `from`, {remove}"
+            )
+        return ""
 
     def apply(self, signals: Signals) -> Signals:
         """Return the signals with those of the analysis, which are NaN outside of its window."""

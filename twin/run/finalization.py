@@ -38,6 +38,7 @@ def finalize_run(
         write_signals(result)
         result.evaluation = evaluate_result()
         run_cases = [case for case in cases if (case.variant, case.seed) in result.tables]
+        add_notes(info, scenario.replaced_values({variant for variant, _ in result.tables}))
         add_notes(info, condition_notes(run_cases, info.extra.get(OCCURRENCES, ())))
         if hardware is not None:
             info.extra = {**info.extra, "hardware": hardware.report()}

@@ -35,7 +35,9 @@ VERDICTS = {  # text in the table, color in the terminal
     "none": ("no value", "bold red"),
     "info": ("-", "dim"),
     "other": ("other settings", "yellow"),  # not comparable with the paper's
+    "cut": ("run too short", "yellow"),  # it ends before the metric's window
     "skipped": ("skipped", "dim"),
+    "unjudged": ("note", "yellow"),
 }
 
 
@@ -112,6 +114,8 @@ def results_table(evaluation: Evaluation) -> Group:
     for result in evaluation.expectation_results:
         name = f"{result.name}: " if has_own_name(result) else ""
         verdicts.add_row(Text(*VERDICTS[result.verdict]), Text(f"{name}{result.detail}"))
+    for sentence in evaluation.unjudged:
+        verdicts.add_row(Text(*VERDICTS["unjudged"]), Text(sentence))
     return Group(*parts, verdicts) if evaluation.expectation_results else Group(*parts)
 
 

@@ -106,11 +106,13 @@ def expressions_of(scenario: ScenarioSpec) -> Iterable[tuple[str, Expression, tu
             yield analysis.where, expression, analysis.variants, analysis.variants
     for metric in scenario.metrics.values():
         expectations = [item for item in scenario.expectations if item.metric == metric.name]
-        tested = tuple(dict.fromkeys(name for item in expectations for name in (*item.variants, *item.ordered)))
+        lists = [(item.ordered if item.excluded else (*item.variants, *item.ordered)) for item in expectations]
+        tested = tuple(dict.fromkeys(name for names in lists for name in names))
         yield metric.where, metric.signal, metric.variants, metric.variants or tested
     for expectation in scenario.expectations:
         if expectation.signal is not None:
-            yield expectation.where, expectation.signal, expectation.variants, expectation.variants
+            needed = () if expectation.excluded else expectation.variants
+            yield expectation.where, expectation.signal, expectation.variants, needed
     for case in scenario.variants:
         for condition in case.conditions:
             for comparison in condition.condition.comparisons:
@@ -249,7 +251,7 @@ def check_against(
         all_catalogs = {variant: {**catalog, **scenario.derived(variant)} for variant, catalog in catalogs.items()}
     except ScenarioError as error:
         return [*problems, *error.problems]
-    problems += check_names(scenario, all_catalogs) + check_units(scenario, all_catalogs) + check_intervals(scenario)
+    problems += check_names(scenario, all_catalogs) + check_units(scenario, all_catalogs) + check_rows(scenario)
     if scenario.scenes:
         from twin.scenario.keys.scene_keys import check_arrays
 
@@ -307,14 +309,14 @@ def check_names(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list
     return problems
 
 
-def check_intervals(scenario: ScenarioSpec) -> list[str]:
-    """Check that analyses get the interval of recorded rows that their functions expect."""
+def check_rows(scenario: ScenarioSpec) -> list[str]:
+    """Check that analyses get rows from the time and at the interval that their functions expect."""
     return [
         problem
         for analysis in scenario.analyses
         for case in scenario.variants
         if not analysis.variants or case.variant in analysis.variants
-        if (problem := analysis.interval_problem(case.record.every_ns or case.step_ns))
+        if (problem := analysis.rows_problem(case.start_ns, case.record.every_ns or case.step_ns))
     ]
 
 

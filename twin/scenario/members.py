@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
     from twin.fmi import FMUMember
-    from twin.scenario.spec import Exchange, MemberSpec
+    from twin.scenario.spec import Case, Exchange, MemberSpec
 
 
 class Backend(StrEnum):
@@ -189,6 +189,32 @@ def prebuild(
                 compiler.load_component(cls, build)
 
     compiler.side_by_side(partial(build_component, cls) for cls in missing)
+
+
+def translation_problems(cases: Iterable[Case], build: Path) -> list[str]:
+    """Return a line for each reason why a component of a member cannot be translated to C; nothing is compiled.
+
+    The C is stored in `build`, where the next run reads it.
+    """
+    compiler.reset_fingerprints()
+    problems: dict[type[Component], list[str]] = {}
+    lines = []
+    for name, spec in (member for case in cases for member in case.members.items()):
+        component = component_of(spec)
+        if isinstance(component, str) and component.endswith(".fmu"):
+            continue
+        cls = catalog.component(component) if isinstance(component, str) else component
+        if issubclass(cls, PythonComponent) or not has_source(cls):
+            continue
+        if cls not in problems:
+            try:
+                problems[cls] = compiler.problems(cls, build)
+            except OSError:  # the folder cannot be written, which only the next run has to report
+                problems[cls] = compiler.problems(cls)
+            except TwinError as error:
+                problems[cls] = str(error).splitlines()
+        lines += [f"{spec.where}: member `{name}`: {text} Or use --backend interpreted." for text in problems[cls]]
+    return list(dict.fromkeys(lines))
 
 
 def instance(name: str, cls: type[Component], values: Mapping[str, Any]) -> Component:

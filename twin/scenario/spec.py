@@ -19,7 +19,7 @@ from twin.scenario.keys import quantities as value
 from twin.scenario.resolution.variable_names import find, matching, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from twin import clock
     from twin.component import Component
@@ -337,6 +337,12 @@ class ScenarioSpec:
                 raise ScenarioError(f"{self.path}: seed {seed} is out of range. Give 0 to {2**31 - 1}.")
         selected = [case for case in self.variants if not variants or case.variant in variants]
         return [replace(case, seed=seed) for case in selected for seed in dict.fromkeys(seeds or self.seeds)]
+
+    def replaced_values(self, variants: Collection[str]) -> list[str]:
+        """Return a sentence for each override that replaces values which some of `variants` set themselves."""
+        from twin.scenario.yaml_files.override import replaced_values
+
+        return replaced_values(self.source_tree, self.overrides, variants)
 
     def derived(self, variant: str) -> Catalog:
         """Return the output variables of a variant's analyses, as a catalog with each analysis as a member."""

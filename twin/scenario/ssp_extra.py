@@ -114,17 +114,24 @@ def names(node: Node) -> list[str]:
 
 
 def of_variant(node: Node, variant: str) -> Node:
-    """Return the items that apply to a variant, without `variants` keys; orders of variants are dropped."""
+    """Return the items that apply to a variant, without `variants` and `except`; orders of variants are dropped."""
 
     def restrict(item: Node) -> Node | None:
-        if "ordered" in item.entries or ("variants" in item.entries and variant not in names(item.entries["variants"])):
+        lists = {key: names(item.entries[key]) for key in ("variants", "except") if key in item.entries}
+        if (
+            "ordered" in item.entries
+            or variant not in lists.get("variants", [variant])
+            or variant in lists.get("except", ())
+        ):
             return None
-        entries = {key: child for key, child in item.entries.items() if key != "variants"}
+        entries = {key: child for key, child in item.entries.items() if key not in lists}
         reference_value = entries.get("reference")
         if reference_value is not None and reference_value.entries:
             entries.pop("reference")
             if variant in reference_value.entries:
                 entries["reference"] = reference_value.entries[variant]
+            else:
+                entries.pop("tolerance", None)
         return Node(entries, item.location) if item.entries else item
 
     if isinstance(node.value, list):

@@ -15,4 +15,4 @@ def analysis(force, setpoint):
 
 
 analysis.outputs = {"settling_time": "s"}
-analysis.row_interval = SAMPLE
+analysis.row_interval, analysis.first_row = SAMPLE, 0.0

@@ -71,4 +71,4 @@ def against_em(
 against_em.outputs = dict.fromkeys(  # type: ignore[attr-defined]
     ("fiber", "em", "error", "error_mean", "error_std", "error_max", "error_rms", "em_range"), "m"
 )
-against_em.row_interval = STEP  # type: ignore[attr-defined]
+against_em.row_interval, against_em.first_row = STEP, 0.0  # type: ignore[attr-defined]

@@ -21,6 +21,8 @@ def distances(true: Signal, hall: Signal, shift: Signal, fused: Signal) -> dict[
     One reading holds the breath of its instant, as a person's reading does.
     """
     rows = [round(instant / STEP) for instant in REST]
+    if rows[-1] >= len(true):
+        raise ValueError(f"the record ends at {STEP * (len(true) - 1):g} s, before the last reading at {REST[-1]:g} s")
     moves = {
         name: np.diff(values[rows])
         for name, values in (("true", true), ("hall", hall), ("shift", shift), ("fused", fused))
@@ -75,4 +77,4 @@ distances.outputs = {  # type: ignore[attr-defined]
     "against_worse": "",
     "rms_against_worse": "",
 }
-distances.row_interval = STEP  # type: ignore[attr-defined]
+distances.row_interval, distances.first_row = STEP, 0.0  # type: ignore[attr-defined]

@@ -27,4 +27,4 @@ def analysis(force):
 
 
 analysis.outputs = {"force_std": "N"}
-analysis.row_interval = SAMPLE
+analysis.row_interval, analysis.first_row = SAMPLE, 0.0

@@ -11,11 +11,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin import clock
 from twin.results.evaluation import dimension
+from twin.results.evaluation.coverage import (
+    describe_cut,
+    describe_cut_expectation,
+    describe_judged,
+    describe_unjudged,
+    judged_variants,
+    variants_of,
+)
+from twin.results.evaluation.hardware_termination import HardwareTermination, check_termination
 from twin.results.evaluation.ordering import check_order, list_failed_variants
 from twin.results.evaluation.reduction import reduce_samples
-from twin.results.evaluation.window_coverage import describe_cut
 from twin.results.recording.signals import FULL_RUN, Signals, Window, format_value
 
 if TYPE_CHECKING:
@@ -72,6 +79,8 @@ class Expectation:
     margin: float = 0.0  # of an order: by how much at least each must differ from the one before; SI
     margin_part: float = 0.0  # the same as part of the one before
     nominal: bool = False  # judged with the scenario's own parameters alone
+    excluded: tuple[str, ...] = ()  # variants that `except` names; `variants` are then all others
+    unlisted: tuple[str, ...] = ()  # variants of the extending file, which an inherited list cannot name
 
     def gap(self, before: float, after: float) -> float:
         """Return the difference of two values in the expected direction, minus the margin."""
@@ -81,22 +90,6 @@ class Expectation:
     def shown(self, value: float | None, scale: float = 0.0) -> str:
         """Format a value in the unit of the limits."""
         return format_value(value, self.unit, scale, self.is_difference)
-
-
-@dataclass(frozen=True)
-class HardwareTermination:
-    """End of a run on hardware. `time_ns`: of a stop before the end; `unsafe`: axes not known to be at rest."""
-
-    time_ns: clock.Time | None = None
-    reason: str = ""
-    unsafe: str = ""
-    log: tuple[str, ...] = ()
-
-    @property
-    def text(self) -> str:
-        """Description: `stopped at 3.06 s: ...`."""
-        text = "ran to its end." if self.time_ns is None else f"stopped at {clock.text(self.time_ns)}: {self.reason}"
-        return f"{text} Not at rest: {self.unsafe}" if self.unsafe else text
 
 
 @dataclass(frozen=True)
@@ -143,7 +136,8 @@ class Plot:
 class MetricResult:
     """One metric of one variant: its value for each seed, and the paper's. SI; None: not a finite number.
 
-    `verdict`: pass, fail, info (without reference), other (not at the paper's settings), none (no value: fails).
+    `verdict`: pass, fail, info (without reference), other (not at the paper's settings), cut (the run ends before its window),
+    none (no value: fails).
     """
 
     metric: Metric
@@ -189,6 +183,7 @@ class Evaluation:
     metric_results: tuple[MetricResult, ...] = ()
     expectation_results: tuple[ExpectationResult, ...] = ()
     paper_applies: bool = True
+    unjudged: tuple[str, ...] = ()  # sentences on variants that were run and not judged
 
     @property
     def passed(self) -> bool:
@@ -212,27 +207,35 @@ def evaluate(
     `has_ended`: whether nothing will be added; then a run that ends before a window passes no expectation in it.
     """
     complete = {case: signals for case, signals in tables.items() if signals.complete}
+    run = variants_of(complete)
     results = [
-        with_verdict(compute_metric(metric, variant, complete), paper_applies)
+        with_verdict(compute_metric(metric, variant, complete), complete, paper_applies, has_ended)
         for metric in metrics.values()
-        for variant in dict.fromkeys(variant for variant, _ in complete)
+        for variant in run
         if not metric.variants or variant in metric.variants
     ]
-    present = [result for result in results if result.values]
+    present = tuple(result for result in results if result.values)
+    expectations = tuple(expectations)
     expectation_results = []
     for expectation in expectations:
         if expectation.nominal and not paper_applies:
             what, expected, name = describe_limits(expectation)
             detail = f"{what} is expected {expected} with the file's own parameters alone."
             expectation_results.append(ExpectationResult(name, "skipped", detail))
-        elif expectation.ends:
-            expectation_results.append(check_termination(expectation, complete, terminations))
+            continue
+        if expectation.ends:
+            result = ExpectationResult(*check_termination(expectation, complete, terminations))
         else:
             result = check_expectation(expectation, present, complete)
-            if has_ended and result.verdict == "pass" and (cut := describe_cut(expectation, metrics, complete)):
-                result = replace(result, verdict="skipped", detail=cut)
-            expectation_results.append(result)
-    return Evaluation(tuple(present), tuple(expectation_results), paper_applies)
+            if has_ended and result.verdict == "pass":
+                if cut := describe_cut_expectation(expectation, metrics, complete):
+                    result = replace(result, verdict="skipped", detail=cut)
+        if result.verdict != "skipped":
+            suffix = describe_judged(expectation, judged_variants(expectation, present, complete), run)
+            result = replace(result, detail=f"{result.detail}{suffix}")
+        expectation_results.append(result)
+    unjudged = describe_unjudged(expectations, present, complete) if has_ended else ()
+    return Evaluation(present, tuple(expectation_results), paper_applies, unjudged)
 
 
 def compute_metric(metric: Metric, variant: str, tables: Mapping[tuple[str, int], Signals]) -> MetricResult:
@@ -250,16 +253,22 @@ def compute_metric(metric: Metric, variant: str, tables: Mapping[tuple[str, int]
     return MetricResult(metric, variant, values, metric.paper.get(variant), scale=scale)
 
 
-def with_verdict(result: MetricResult, paper_applies: bool) -> MetricResult:
+def with_verdict(
+    result: MetricResult, tables: Mapping[tuple[str, int], Signals], paper_applies: bool, has_ended: bool
+) -> MetricResult:
     """Add the verdict: whether the mean over seeds is within the tolerance of the paper's value."""
-    verdict = "info"
+    metric, verdict = result.metric, "info"
     if result.mean is None:
         verdict = "none"
+    elif (
+        result.paper is not None and has_ended and describe_cut(metric.window, metric.signal, (result.variant,), tables)
+    ):
+        verdict = "cut"
     elif result.paper is not None and not paper_applies:
         verdict = "other"
-    elif result.paper is not None and result.metric.tolerance is not None:
+    elif result.paper is not None and metric.tolerance is not None:
         # the last digit of a decimal tolerance must not decide: 1.2 times 0.1 is not exactly 0.12
-        allowed = result.metric.tolerance * abs(result.paper) * (1 + 1e-9)
+        allowed = metric.tolerance * abs(result.paper) * (1 + 1e-9)
         verdict = "pass" if abs(result.mean - result.paper) <= allowed else "fail"
     return replace(result, verdict=verdict)
 
@@ -353,35 +362,3 @@ def check_limits(
         )
     )
     return ExpectationResult(name, "pass", f"{what} was {span}; expected {expected}.")
-
-
-def check_termination(
-    expectation: Expectation,
-    tables: Mapping[tuple[str, int], Signals],
-    recorded_terminations: Mapping[tuple[str, int], HardwareTermination],
-) -> ExpectationResult:
-    """Check whether hardware stopped every case as expected, or let it run to its end, and came to rest."""
-    low, high = expectation.window.start_ns, expectation.window.stop_ns
-    expected = "a run to its end" if expectation.ends == "completed" else "a stop"
-    expected += "" if low is None else f" from {clock.text(low)}"
-    expected += "" if high is None else f" {'until' if low is None else 'to'} {clock.text(high)}"
-    name = expectation.name or f"ends with {expected}"
-    terminations = {
-        f"{variant}, seed {seed}": recorded_terminations.get((variant, seed), HardwareTermination())
-        for variant, seed in tables
-        if not expectation.variants or variant in expectation.variants
-    }
-    if not terminations:
-        return ExpectationResult(name, "skipped", "None of its variants was run.")
-    for case, termination in terminations.items():
-        when = termination.time_ns
-        stopped = when is not None and (low is None or low <= when) and (high is None or when <= high)
-        if termination.unsafe or (when is not None if expectation.ends == "completed" else not stopped):
-            return ExpectationResult(
-                name, "fail", f"{case} {termination.text} Expected {expected}, everything at rest."
-            )
-    times = [termination.time_ns for termination in terminations.values() if termination.time_ns is not None]
-    span = " to ".join(dict.fromkeys(clock.text(time) for time in (min(times), max(times)))) if times else ""
-    how = f"stopped at {span}" if times else "completed"
-    runs = f"{len(terminations)} run{'s' if len(terminations) > 1 else ''}"
-    return ExpectationResult(name, "pass", f"{runs} {how}, everything at rest; expected {expected}.")

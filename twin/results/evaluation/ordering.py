@@ -28,7 +28,12 @@ def check_order(expectation: Expectation, results: Mapping[str, MetricResult]) -
     ordered_results = [results[variant] for variant in expectation.ordered if variant in results]
     scale = max((result.scale for result in results.values()), default=0.0)
     if len(ordered_results) < 2:
-        return (name, "skipped", f"{expectation.metric} needs at least two variants.")
+        given = f"only {ordered_results[0].variant} has" if ordered_results else "none has"
+        return (
+            name,
+            "skipped",
+            f"Not judged: of {'; '.join(expectation.ordered)}, {given} {expectation.metric} in this run.",
+        )
     style = metric_format(list(results.values()))
     shown = style.text if style.unit else expectation.shown
     parts = [f"{ordered_results[0].variant} {shown(ordered_results[0].mean, scale)}"]

@@ -24,7 +24,8 @@ from twin import clock, installed
 from twin.component import unit
 from twin.errors import TwinError
 from twin.files import write_atomically
-from twin.results.evaluation.metrics import Evaluation, HardwareTermination, MetricResult
+from twin.results.evaluation.hardware_termination import HardwareTermination
+from twin.results.evaluation.metrics import Evaluation, MetricResult
 from twin.results.recording import arrow_arrays
 from twin.results.recording.signals import si_conversion
 from twin.revision import checkout
@@ -283,6 +284,7 @@ def build_summary(
         ],
         "metrics": metrics,
         "expectations": [vars(expectation_result) for expectation_result in evaluation.expectation_results],
+        "unjudged": evaluation.unjudged,
         "members": {name: dict(identity) for name, identity in run.members.items()},
         "versions": software_versions(),
         **run.extra,

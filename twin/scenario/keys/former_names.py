@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from twin.component import catalog
 from twin.errors import TwinError, printable
-from twin.scenario.yaml_files.merge import members
+from twin.scenario.yaml_files.member_removal import members
 from twin.scenario.yaml_files.yaml_node import Node
 
 if TYPE_CHECKING:

@@ -139,13 +139,23 @@ class Builder:
         )
         at_least = self.si((*path, "within" if keys.within else "at_least"), low, unit, what, is_difference)
         at_most = self.si((*path, "within" if keys.within else "at_most"), high, unit, what, is_difference)
+        excluded = self.existing_variants((*path, "except"), keys.excluded, what)
+        variants = self.existing_variants((*path, "variants"), keys.variants, what)
+        if excluded:
+            candidates = metric.variants if metric is not None and metric.variants else self.variants
+            variants = tuple(name for name in candidates if name not in excluded)
+            for key, names in {"variants": keys.variants, "ordered": keys.ordered}.items():
+                if names:
+                    self.problem((*path, "except"), f"{what}: `{key}` names the variants already. Leave `except` out.")
+            if not variants:
+                self.problem((*path, "except"), f"{what}: no variant is left. Leave the expectation out.")
         if at_least is not None and at_most is not None and at_least > at_most:
             self.problem(path, f"{what}: the lower limit is above the upper one. Swap them.")
         return Expectation(
             keys.name,
             keys.metric,
             keys.signal,
-            self.existing_variants((*path, "variants"), keys.variants, what),
+            variants,
             at_least,
             at_most,
             self.existing_variants((*path, "ordered"), keys.ordered or (), what),
@@ -158,7 +168,20 @@ class Builder:
             is_difference,
             *self.margin(path, keys, unit, what),
             keys.nominal,
+            excluded,
+            self.unlisted(path, keys, metric),
         )
+
+    def unlisted(self, path: tuple[str | int, ...], keys: ExpectKeys, metric: Metric | None) -> tuple[str, ...]:
+        """Return the variants of the scenario's own file that an inherited list of an expectation or its metric leaves out."""
+        lists = [(*path, "variants")] * bool(keys.variants)
+        lists += [("metrics", metric.name, "variants")] if metric is not None and metric.variants else []
+        own_file = self.tree.location.file
+        if all(self.tree.find(each).location.file == own_file for each in lists):
+            return ()
+        named = keys.variants or (metric.variants if metric else ())
+        own = (name for name in self.variants if self.tree.find(("variants", name)).location.file == own_file)
+        return tuple(name for name in own if name not in named)
 
     def check_variants(self, path: tuple[str | int, ...], keys: ExpectKeys, metric: Metric, what: str) -> None:
         """Report variants of an expectation in which its metric is not taken."""

@@ -140,6 +140,7 @@ class ExpectKeys(WindowKeys):
     metric: str | None = None
     signal: Signal | None = None
     variants: Annotated[list[Text], BeforeValidator(as_list)] = []
+    excluded: Annotated[list[Text], BeforeValidator(as_list)] = Field([], alias="except")
     at_least: Value | None = None
     at_most: Value | None = None
     within: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = None

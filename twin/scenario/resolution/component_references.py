@@ -14,7 +14,7 @@ from twin.errors import ScenarioError, TwinError
 from twin.scenario.grouping import group
 from twin.scenario.resolution.variable_names import nearest
 from twin.scenario.resolution.variable_resolution import resolve_case
-from twin.scenario.yaml_files.merge import members
+from twin.scenario.yaml_files.member_removal import members
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -8,26 +8,21 @@ old one with its parameters, and keeps its period and communication step. Connec
 from __future__ import annotations
 
 import logging
-import re
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from twin.errors import ScenarioError, printable
 from twin.scenario import fmu_reader, scenario_paths, ssp_reader
 from twin.scenario.resolution.variable_names import nearest
 from twin.scenario.yaml_files import yaml_reader
+from twin.scenario.yaml_files.inherited_variants import TIMING_KEYS, keep_empty_variants, note_undone, remove_variants
+from twin.scenario.yaml_files.member_removal import members, remove_members
 from twin.scenario.yaml_files.yaml_node import Node
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 Keys = tuple[str, ...]
 
-TIMING_KEYS = ("period", "communication_step")  # keys of a member that do not depend on its component
 FORMER_KEYS = {"paper": "reference"}  # of a metric
 MAX_DEPTH = 50  # levels of `extends`
 NOT_INHERITED = ("mutations", "summary", "topic")  # valid only for the file that contains it
-ACTIONS = {"set", "override", "release", "stop"}  # keys of an event
 OTHER_FILES = {  # key of a file that is no scenario: what the file is
     "vary": "a study. Run it with `twin study`",
     "samples": "a study. Run it with `twin study`",
@@ -59,7 +54,7 @@ def complete(root: Node, path: Path, shown: str, problems: list[str], extending_
     parent = root.entries.get("extends")
     if parent is None or parent.value is None:
         problems += unknown_disconnects(root, root) + unused_disconnects(root, None)
-        return merged(Node({}, root.location), root)
+        return merged(Node({}, root.location), keep_empty_variants(root))
     if not isinstance(parent.value, str):
         raise ScenarioError(f"{parent.location}: extends: expected the path of one scenario, such as contact.yaml.")
     target = extended_file(path, parent.value)
@@ -81,6 +76,8 @@ def complete(root: Node, path: Path, shown: str, problems: list[str], extending_
     base = load(target, base_shown, problems, (resolved_path, *extending_files))
     base = Node({key: node for key, node in base.entries.items() if key not in NOT_INHERITED}, base.location)
     problems += unknown_disconnects(root, base) + unused_disconnects(root, base)
+    base = remove_variants(base, root, problems)
+    note_undone(root, base)
     result = merged(base, root)
     return Node({key: node for key, node in result.entries.items() if key != "extends"}, root.location)
 
@@ -309,59 +306,10 @@ def target(connection: Node) -> str | None:
     return node.value if node is not None and isinstance(node.value, str) else None
 
 
-def members(root: Node) -> dict[str, Node]:
-    """Return the members of a scenario or variant."""
-    return root.entries["members"].entries if "members" in root.entries else {}
-
-
 def replaces(base: Node, patch: Node) -> bool:
     """Whether a member's patch changes its component, so that the old parameters do not apply."""
     new, old = patch.entries.get("component"), base.entries.get("component")
     return new is not None and old is not None and new.value != old.value
-
-
-def remove_members(root: Node, names: list[str]) -> Node:
-    """Remove members with their connections and events."""
-    if not names:
-        return root
-    entries = dict(root.entries)
-
-    def is_removed(reference: object) -> bool:
-        return isinstance(reference, str) and reference.partition(".")[0] in names
-
-    if "connections" in entries:
-        node = entries["connections"]
-        ends = [
-            (item, [end.value for key, end in item.entries.items() if key in ("from", "to")]) for item in node.items
-        ]
-        entries["connections"] = Node(
-            [item for item, end_names in ends if not any(map(is_removed, end_names))], node.location
-        )
-    if "events" in entries:
-        node = entries["events"]
-        entries["events"] = Node(
-            [event for item in node.items for event in remove_from_event(item, is_removed)], node.location
-        )
-    return Node(entries, root.location)
-
-
-def remove_from_event(event: Node, is_removed: Callable[[object], bool]) -> list[Node]:
-    """Remove references to removed members from an event; an empty list if none remain."""
-    if "fault" in event.entries:
-        return [] if "node" in event.entries and is_removed(event.entries["node"].value) else [event]
-    if "when" in event.entries and any(map(is_removed, re.findall(r"\w+\.\w+", str(event.entries["when"].value)))):
-        return []
-    entries: dict[str, Node] = {}
-    for key, node in event.entries.items():
-        if isinstance(node.value, dict):
-            node = Node({name: value for name, value in node.entries.items() if not is_removed(name)}, node.location)  # noqa: PLW2901
-        elif isinstance(node.value, list):
-            node = Node([item for item in node.items if not is_removed(item.value)], node.location)  # noqa: PLW2901
-        elif key not in ("when", "description") and is_removed(node.value):
-            continue
-        if key == "at" or node.value:
-            entries[key] = node
-    return [Node(entries, event.location)] if ACTIONS & entries.keys() or not ACTIONS & event.entries.keys() else []
 
 
 def variant_trees(root: Node) -> dict[str, Node]:

@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING
 from twin.errors import ScenarioError
 from twin.scenario.resolution.variable_names import nearest
 from twin.scenario.yaml_files import yaml_reader
-from twin.scenario.yaml_files.merge import TIMING_KEYS, members, merged
+from twin.scenario.yaml_files.inherited_variants import TIMING_KEYS
+from twin.scenario.yaml_files.member_removal import members
+from twin.scenario.yaml_files.merge import merged
 from twin.scenario.yaml_files.yaml_node import Node, SourceLocation
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Collection, Iterable
 
 TOP_LEVEL = ("start_time", "stop_time", "step", "algorithm", "threads", "seed", "seeds", "title", "source")
 
@@ -63,6 +65,34 @@ def override(root: Node, option: str) -> Node:
     if affected:
         root = merged(root, wrapped({"variants": wrapped(affected, shown)}, shown))
     return merged(root, patch) if not is_member or name in members(root) else root
+
+
+def replaced_values(root: Node, options: Iterable[str], variants: Collection[str]) -> list[str]:
+    """Return a sentence for each `--set` option that replaces other values which some of `variants` have of their own."""
+    nodes = root.entries["variants"].entries if "variants" in root.entries else {}
+    sentences = []
+    for option in options:
+        path, value = parse_option(option)
+        name, _, rest = path.partition(".")
+        keys = {(path,), ("members", name, rest), ("members", name, "parameters", rest.removeprefix("parameters."))}
+        own_values = [
+            f"{variant} ({own.plain()})"
+            for variant, node in nodes.items()
+            for key in keys
+            if variant in variants and has_path(node, key) and (own := node.find(key)).plain() != value.plain()
+        ]
+        if own_values:
+            sentences.append(f"--set {option} also replaces what variants set themselves: {', '.join(own_values)}.")
+    return sentences
+
+
+def has_path(node: Node, path: tuple[str, ...]) -> bool:
+    """Whether a tree has a node at a path of keys."""
+    for key in path:
+        if key not in node.entries:
+            return False
+        node = node.entries[key]
+    return True
 
 
 def parse_option(option: str) -> tuple[str, Node]:

@@ -1,0 +1,69 @@
+"""What a run leaves unjudged: variants that no expectation names, and windows after its end."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from twin.results import Expectation, Metric, Signals, Window, evaluate
+from twin.results.evaluation import expression
+
+FORCE = expression.parse("wall.force")
+LIMIT = Expectation("clinical range", signal=FORCE, at_most=0.4, variants=("PI", "FF"), unit="N")
+S = 10**9
+
+
+def tables(*variants: str, samples: int = 11) -> dict[tuple[str, int], Signals]:
+    time = np.arange(samples) * 1.0
+    return {(variant, 1): Signals(time, {"wall.force": time / 100}, {"wall.force": "N"}) for variant in variants}
+
+
+def test_a_verdict_names_the_variants_that_it_judged() -> None:
+    run = tables("PI", "FF", "mine")
+    found = evaluate({}, [LIMIT, replace(LIMIT, variants=())], run)
+    detail = "wall.force was 0 N to 0.1 N; expected at most 0.4 N."
+    assert [each.detail for each in found.expectation_results] == [
+        f"{detail} In 2 of 3 variants, not in mine.",
+        detail,
+    ]
+    many = evaluate({}, [replace(LIMIT, variants=("a0",))], tables(*(f"a{i}" for i in range(9))))
+    assert many.expectation_results[0].detail == f"{detail} In 1 of 9 variants: a0."
+
+
+@pytest.mark.parametrize(
+    ("expectations", "sentences"),
+    [
+        ([LIMIT], ["No expectation judges mine."]),
+        (
+            [LIMIT, Expectation("late", ends="completed")],
+            ["mine is not judged by: clinical range. Name it in their lists of variants, or add an expectation."],
+        ),
+        ([LIMIT, Expectation("other", signal=FORCE, at_most=0.5)], []),  # another limit of the same signal
+        ([replace(LIMIT, excluded=("mine",)), Expectation("", ends="completed")], []),
+        ([replace(LIMIT, variants=("PI",)), Expectation("", ends="completed")], []),  # a limit of one variant
+        (
+            [replace(LIMIT, variants=("PI",), unlisted=("mine",)), Expectation("", ends="completed")],
+            ["mine is not judged by: clinical range. Name it in their lists of variants, or add an expectation."],
+        ),
+    ],
+)
+def test_a_variant_that_escapes_an_expectation_is_named(expectations: list[Expectation], sentences: list[str]) -> None:
+    assert list(evaluate({}, expectations, tables("PI", "FF", "mine")).unjudged) == sentences
+
+
+def test_a_metric_whose_window_a_run_does_not_reach_is_not_compared() -> None:
+    """A mean of half the window says nothing of the paper's figure."""
+    metric = Metric("m", FORCE, "mean", Window(0, 20 * S), "N", {"PI": 0.05}, 0.2)
+    assert [
+        evaluate({"m": metric}, [], tables("PI", samples=samples)).metric_results[0].verdict for samples in (11, 21)
+    ] == ["cut", "fail"]
+
+
+def test_an_order_names_the_variants_that_it_did_not_compare() -> None:
+    metric = Metric("m", FORCE, "max", unit="N")
+    order = Expectation("order", metric="m", ordered=("FF", "PI", "BW"), descending=False, margin=0.0)
+    run = {("FF", 1): tables("FF", samples=5)["FF", 1], **tables("PI")}
+    (result,) = evaluate({"m": metric}, [order], run).expectation_results
+    assert (result.verdict, result.detail) == ("pass", "m: FF 0.04 N < PI 0.10 N. Not compared: BW.")

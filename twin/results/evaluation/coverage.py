@@ -1,0 +1,126 @@
+"""What a run leaves unjudged: variants that an acceptance criterion does not name, and windows after the end of a run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from twin import clock
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    import numpy as np
+
+    from twin.results.evaluation.expression import Expression
+    from twin.results.evaluation.metrics import Expectation, Metric, MetricResult
+    from twin.results.recording.signals import Signals, Window
+
+    Tables = Mapping[tuple[str, int], Signals]
+
+MAX_NAMES = 6  # of variants or expectations in a sentence
+
+
+def ends_before(time: np.ndarray[Any, Any], stop: float) -> bool:
+    """Return whether recorded times [s] end an interval or more before a window that ends at `stop` [s]."""
+    interval = float(time[-1] - time[-2]) if len(time) > 1 else 0.0
+    return bool(stop - time[-1] > (1.0 + 1e-6) * interval)
+
+
+def describe_cut(window: Window, signal: Expression | None, variants: Sequence[str], tables: Tables) -> str:
+    """Return a sentence on the first run that ends before a window; empty if all last long enough. No `variants`: all."""
+    if window.stop_ns is None or signal is None:
+        return ""
+    for (variant, seed), signals in tables.items():
+        is_judged = (not variants or variant in variants) and len(signals.time) and signals.has(signal)
+        if is_judged and ends_before(signals.time[-2:], clock.seconds(window.stop_ns)):
+            end = clock.text(round(float(signals.time[-1]) * clock.NANOSECONDS))
+            return f"Not judged: {variant}, seed {seed}, ends at {end}, and the window at {clock.text(window.stop_ns)}."
+    return ""
+
+
+def describe_cut_expectation(expectation: Expectation, metrics: Mapping[str, Metric], tables: Tables) -> str:
+    """Return a sentence on the first judged run that ends before an expectation's window; empty if none does."""
+    metric = metrics.get(expectation.metric or "")
+    window, signal = (metric.window, metric.signal) if metric else (expectation.window, expectation.signal)
+    judged = expectation.ordered or expectation.variants or (metric.variants if metric else ())
+    return describe_cut(window, signal, judged, tables)
+
+
+def judged_variants(expectation: Expectation, results: Iterable[MetricResult], tables: Tables) -> tuple[str, ...]:
+    """Return the variants of `tables` that an expectation judges: it names them, and they have its metric or signal."""
+    if expectation.metric is not None:
+        present = {result.variant for result in results if result.metric.name == expectation.metric}
+    elif expectation.signal is not None:
+        present = {variant for (variant, _), signals in tables.items() if signals.has(expectation.signal)}
+    else:
+        present = {variant for variant, _ in tables}
+    names = expectation.ordered or expectation.variants or present
+    return tuple(variant for variant in variants_of(tables) if variant in names and variant in present)
+
+
+def variants_of(tables: Tables) -> list[str]:
+    """Return the variants of a run, in its order."""
+    return list(dict.fromkeys(variant for variant, _ in tables))
+
+
+def describe_judged(expectation: Expectation, judged: Sequence[str], run: Sequence[str]) -> str:
+    """Return which variants of a run were judged, to be appended to a verdict's detail; empty if all were."""
+    if expectation.ordered:  # the detail names the variants
+        missing = [name for name in expectation.ordered if name not in judged]
+        return f" Not compared: {shorten(missing)}." if missing else ""
+    left_out = [name for name in run if name not in judged]
+    if not left_out:
+        return ""
+    names = f": {shorten(judged)}" if len(judged) <= len(left_out) else f", not in {shorten(left_out)}"
+    return f" In {len(judged)} of {len(run)} variants{names}."
+
+
+def describe_unjudged(
+    expectations: Sequence[Expectation], results: Sequence[MetricResult], tables: Tables
+) -> tuple[str, ...]:
+    """Return a sentence for the variants that ran and escape expectations that their authors probably meant for them too.
+
+    That is so for a variant that no expectation and no reference value judges; for one of an extending file, which an
+    inherited list cannot name; and for one that a limit of a signal leaves out, though it names most variants that have
+    the signal. What judges the same metric or signal of the variant, or excludes it by `except`, is enough.
+    """
+    run = variants_of(tables)
+    judged = [judged_variants(expectation, results, tables) for expectation in expectations]
+    compared = {result.variant for result in results if result.verdict in ("pass", "fail", "none")}
+    free = [name for name in run if name not in compared and not any(name in names for names in judged)]
+    lines = [f"No expectation judges {shorten(free)}."] if free and expectations else []
+    subjects = [(each.metric, each.signal.text if each.signal else None) for each in expectations]
+    variants: dict[tuple[str, ...], list[str]] = {}  # by the expectations that leave them out
+    for variant in (name for name in run if name not in free):
+        covered = {
+            subject
+            for subject, each, names in zip(subjects, expectations, judged, strict=True)
+            if variant in (*names, *each.excluded)
+        }
+        missed = tuple(
+            each.name or each.metric or (each.signal.text if each.signal else each.ends)
+            for subject, each, names in zip(subjects, expectations, judged, strict=True)
+            if subject not in covered and not each.nominal and not each.ordered
+            if variant in each.unlisted or (each.signal and is_of_most(each, names, variant, tables))
+        )
+        variants.setdefault(missed, []).append(variant)
+    for missed, names in variants.items():
+        if missed:
+            verb = "is" if len(names) == 1 else "are"
+            lines.append(
+                f"{shorten(names)} {verb} not judged by: {shorten(missed)}. Name it in their lists of variants, or add an expectation."
+            )
+    return tuple(lines)
+
+
+def is_of_most(expectation: Expectation, judged: Sequence[str], variant: str, tables: Tables) -> bool:
+    """Whether a limit of a signal judges more than half of the variants that have the signal, and not this one."""
+    assert expectation.signal is not None
+    having = {name for (name, _), signals in tables.items() if signals.has(expectation.signal)}
+    return variant in having - {*judged} and 2 * len(judged) > len(having)
+
+
+def shorten(names: Sequence[str]) -> str:
+    """Join names, which may contain commas, by semicolons; many are counted after the first of them."""
+    more = len(names) - MAX_NAMES
+    return "; ".join(names) if more < 2 else f"{'; '.join(names[:MAX_NAMES])} and {more} more"

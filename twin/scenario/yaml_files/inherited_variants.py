@@ -1,0 +1,176 @@
+"""Variants of the file that a scenario extends: removal of some, and settings of the extending file that others undo."""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING
+
+from twin.errors import printable
+from twin.scenario.resolution.variable_names import nearest
+from twin.scenario.yaml_files.member_removal import members
+from twin.scenario.yaml_files.yaml_node import Node
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+TIMING_KEYS = ("period", "communication_step")  # keys of a member that do not depend on its component
+RUN_KEYS = ("stop_time", "step", "algorithm")  # keys of a variant besides its system
+SECTIONS = {  # whose entries name variants: singular and plural of an entry
+    "metrics": ("metric", "metrics"),
+    "expect": ("expectation", "expectations"),
+    "analyses": ("analysis", "analyses"),
+    "plots": ("plot", "plots"),
+    "scenes": ("scene", "scenes"),
+    "console": ("control", "controls"),
+}
+
+
+def variants(root: Node) -> dict[str, Node]:
+    """Return the variants of a scenario."""
+    return root.entries["variants"].entries if "variants" in root.entries else {}
+
+
+def keep_empty_variants(root: Node) -> Node:
+    """Return a scenario that extends no file, in which a variant without a value is one without changes."""
+    if not any(node.value is None for node in variants(root).values()):
+        return root
+    entries = {
+        name: node if node.value is not None else Node({}, node.location) for name, node in variants(root).items()
+    }
+    return Node(root.entries | {"variants": Node(entries, root.entries["variants"].location)}, root.location)
+
+
+def remove_variants(base: Node, root: Node, problems: list[str]) -> Node:
+    """Return the extended file without the variants that `root` sets to null, and without what names only these.
+
+    A note says how much that is; an unknown name is appended to `problems`.
+    """
+    removed = {name: node for name, node in variants(root).items() if node.value is None}
+    problems += [
+        f"{node.location}: there is no variant `{name}` to remove.{nearest(name, variants(base))} An unchanged variant is `{name}: {{}}`."
+        for name, node in removed.items()
+        if name not in variants(base)
+    ]
+    if not removed:
+        return base
+    entries = dict(base.entries)
+    lost_metrics: set[str] = set()
+    texts = []
+    for section, nouns in SECTIONS.items():
+        if section not in entries or (section in root.entries and not root.entries[section].entries):
+            continue  # the extending file replaces it
+        before = entries[section]
+        entries[section] = after = reduced_section(section, before, removed, lost_metrics)
+        if number := count(before) - count(after):
+            texts.append(f"{number} {nouns[number > 1]}")
+        if section == "metrics":
+            lost_metrics = before.entries.keys() - after.entries.keys()
+    if texts:
+        where = next(iter(removed.values())).location
+        note(f"{where}: left out with {', '.join(removed)}: {', '.join(texts)} that name no other variant.")
+    return Node(entries, base.location)
+
+
+def count(section: Node) -> int:
+    """Return the number of entries of a section."""
+    if "controls" in section.entries:
+        return len(section.entries["controls"].items)
+    return len(section.entries or section.items)
+
+
+def reduced_section(section: str, node: Node, removed: Mapping[str, Node], lost_metrics: set[str]) -> Node:
+    """Return a section without its entries that name only removed variants or a lost metric."""
+    if section == "console":
+        if "controls" not in node.entries:
+            return node
+        controls = reduced_section("controls", node.entries["controls"], removed, lost_metrics)
+        return Node(node.entries | {"controls": controls}, node.location)
+    if not node.value:
+        return node
+    if isinstance(node.value, dict):
+        pairs = [(key, reduced(item, removed, lost_metrics)) for key, item in node.entries.items()]
+        return Node({key: item for key, item in pairs if item is not None}, node.location)
+    items = [reduced(item, removed, lost_metrics) for item in node.items]
+    return Node([item for item in items if item is not None], node.location)
+
+
+def reduced(item: Node, removed: Mapping[str, Node], lost_metrics: set[str]) -> Node | None:
+    """Return an entry without removed variants; None if no variant, or no two of an order, or no metric is left."""
+    entries = dict(item.entries)
+    if "metric" in entries and entries["metric"].value in lost_metrics:
+        return None
+    for key, least in {"variants": 1, "ordered": 2, "except": 0}.items():
+        if key not in entries:
+            continue
+        names = entries[key].items if isinstance(entries[key].value, list) else [entries[key]]
+        rest = [name for name in names if name.value not in removed]
+        if len(rest) < min(least, len(names)):
+            return None
+        if len(rest) < len(names):
+            entries[key] = Node(rest, entries[key].location)
+    if "reference" in entries and (references := entries["reference"].entries):
+        rest_references = {name: value for name, value in references.items() if name not in removed}
+        entries["reference"] = Node(rest_references, entries["reference"].location)
+        if not rest_references:
+            del entries["reference"]
+            entries.pop("tolerance", None)
+    return Node(entries, item.location) if entries != item.entries else item
+
+
+def note_undone(root: Node, base: Node) -> None:
+    """Log a note for each member and key that an extending file sets and inherited variants set otherwise."""
+    own = variants(root)
+    empty = Node({}, root.location)
+    inherited = {name: node for name, node in variants(base).items() if name not in own or own[name].value is not None}
+    for name, patch in members(root).items():
+        component = (patch if "component" in patch.entries else members(base).get(name, patch)).entries.get("component")
+        undone: dict[str, list[str]] = {}
+        for variant, node in inherited.items():
+            if name in members(own.get(variant, empty)):
+                continue  # the extending file says what holds in the variant
+            for path in undone_paths(patch, members(node).get(name), component):
+                undone.setdefault(".".join((name, *path)), []).append(variant)
+        if undone:
+            names = list(dict.fromkeys(variant for each in undone.values() for variant in each))
+            where = members(inherited[names[0]])[name].location
+            report_undone(patch, list(undone), names, f"{name} ({where})", f"members: {{{name}: ...}}")
+    for key in RUN_KEYS:
+        names = [
+            variant
+            for variant, node in inherited.items()
+            if key in root.entries and key in node.entries and key not in own.get(variant, empty).entries
+            if node.entries[key].plain() != root.entries[key].plain()
+        ]
+        if names:
+            where = inherited[names[0]].entries[key].location
+            report_undone(root.entries[key], [key], names, f"{key} ({where})", f"{key}: ...")
+
+
+def undone_paths(patch: Node, variant_member: Node | None, component: Node | None) -> Iterator[tuple[str, ...]]:
+    """Yield the keys and parameters of a member's patch that a variant's own patch of the member replaces."""
+    if variant_member is None or not variant_member.entries:
+        return
+    other = variant_member.entries.get("component")
+    is_replaced = other is not None and (component is None or other.value != component.value)
+    for key, node in patch.entries.items():
+        if key == "parameters":
+            own_values = variant_member.find(("parameters",)).entries if "parameters" in variant_member.entries else {}
+            for parameter, value in node.entries.items():
+                if is_replaced or (parameter in own_values and own_values[parameter].plain() != value.plain()):
+                    yield (parameter,)
+        elif key in variant_member.entries:
+            if variant_member.entries[key].plain() != node.plain():
+                yield (key,)
+        elif is_replaced and key not in TIMING_KEYS:
+            yield (key,)
+
+
+def report_undone(patch: Node, paths: Sequence[str], names: Sequence[str], own: str, example: str) -> None:
+    """Log that settings have no effect in variants, and how to set them there."""
+    text = f"{patch.location}: {', '.join(paths)}: no effect in {', '.join(names)}, with {'its' if len(names) == 1 else 'their'} own {own}. "
+    note(f"{text}Set it there too: `variants: {{{names[0]}: {{{example}}}}}`, or with --set in all.")
+
+
+def note(text: str) -> None:
+    """Log a note for the user."""
+    logging.getLogger("twin").warning(printable(f"note: {text}"))
