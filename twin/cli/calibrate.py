@@ -12,7 +12,7 @@ from twin.cli.terminal import make_table, open_console, say
 from twin.errors import ScenarioError, TwinError
 
 if TYPE_CHECKING:
-    from twin.results.calibration import Calibration
+    from twin.results import calibration
 
 
 @click.command(name="calibrate")
@@ -77,7 +77,7 @@ def command(name: str, tables: tuple[str, ...], output: Path | None, columns: Pa
     say(f"{picture}: measured over fitted values.")
 
 
-def show(result: Calibration) -> None:
+def show(result: calibration.Calibration) -> None:
     """Print how well each form fits, and the parameters with their standard errors."""
     from twin.results import calibration_report
 
