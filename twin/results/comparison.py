@@ -132,9 +132,9 @@ def compare_runs(
     Where times differ, the second run is interpolated at the times of the first. Status and expectations, which are of a
     whole run, are compared without `patterns` and `variants`. TwinError for a variant that neither run has.
     """
-    recorded = {entry["variant"]: None for summary in summaries for entry in summary["cases"]}
-    if unknown := [name for name in variants if name not in recorded]:
-        raise TwinError(f"{unknown[0]!r}: neither run has this variant. {nearest(unknown[0], recorded)}")
+    all_variants = {entry["variant"]: None for summary in summaries for entry in summary["cases"]}
+    if unknown := [name for name in variants if name not in all_variants]:
+        raise TwinError(f"{unknown[0]!r}: neither run has this variant. {nearest(unknown[0], all_variants)}")
     paths = (folders[0] / "signals.parquet", folders[1] / "signals.parquet")
     first, second = (
         {name: entry for name, entry in list_recorded_variables(path).items() if is_selected(name, patterns)}
@@ -204,10 +204,10 @@ def batches(names: Sequence[str], variables: Mapping[str, RecordedVariable], sam
 
 def list_missing(kind: str, first: Iterable[str], second: Iterable[str]) -> list[Missing]:
     """Return the entries of only one run, for each run that has any."""
-    entries = [list(first), list(second)]
+    names_first, names_second = list(first), list(second)
     return [
         Missing(kind, run, names)
-        for own, other, run in ((*entries, "first"), (*entries[::-1], "second"))
+        for own, other, run in ((names_first, names_second, "first"), (names_second, names_first, "second"))
         if (names := tuple(name for name in own if name not in other))
     ]
 
@@ -305,7 +305,7 @@ def compare_summaries(
         other = second["metrics"].get(name, metric)
         for variant, seed in (case for case in cases[0] if case in cases[1]):
             values = [entry["variants"].get(variant, {}).get("values", {}).get(seed) for entry in (metric, other)]
-            if metric["unit"] != other["unit"] or not is_close(*values, tolerance):
+            if metric["unit"] != other["unit"] or not is_close(values[0], values[1], tolerance):
                 texts = " and ".join(
                     "no value" if value is None else f"{value} {entry['unit']}"
                     for value, entry in zip(values, (metric, other), strict=True)
