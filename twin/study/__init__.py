@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from twin.study.execution import (
         StudyOutcome,
         StudyProgress,
+        TimeEstimate,
+        estimate_time,
         latest,
         repeat,
         resolve_case,
@@ -28,6 +30,8 @@ __getattr__, _, _ = lazy_loader.attach(
         "execution": [
             "StudyOutcome",
             "StudyProgress",
+            "TimeEstimate",
+            "estimate_time",
             "stored_case_folder",
             "stored_cases",
             "study_of_run",
@@ -45,6 +49,8 @@ __all__ = [
     "Study",
     "StudyOutcome",
     "StudyProgress",
+    "TimeEstimate",
+    "estimate_time",
     "headline",
     "latest",
     "load_study",
