@@ -13,6 +13,7 @@ from scipy import stats
 from tests.every_case import every_case
 from tests.study.patients import STUDY, study_file
 from twin.cli import group
+from twin.cli.check import check_file
 from twin.results import Expectation
 from twin.study import Answers, headline, load_study, percent
 from twin.study.answers import plots, sensitivity, tables
@@ -297,3 +298,22 @@ def test_intervals_of_a_mean_difference_hold_as_often_as_they_say():
     assert inside / 300 == pytest.approx(0.9, abs=0.04)
     low, high = mean_interval(generator.exponential(1.0, 4000), study)
     assert high - low == pytest.approx(2 * 1.645 / np.sqrt(4000), rel=0.1)
+
+
+@pytest.mark.slow
+def test_a_study_is_checked_and_its_time_estimated(tmp_path, build):
+    """All mistakes at once, with lines; nothing is written."""
+    wrong = STUDY.replace("heart.rate", "heart.rat").replace("[0.5, 1.5]", "[1.5, 0.5]") + "metrics: [forc_max]\n"
+    path = study_file(tmp_path, wrong)
+    problems, _ = check_file(str(path))
+    assert [problem.partition(": ")[0].rpartition(":")[2] for problem in problems] == ["5", "6", "9"]
+    assert "Did you mean `rate`?" in problems[0].replace("'", "`")
+    assert "there is no metric `forc_max`. Did you mean `force_max`?" in problems[2]
+    path.write_text(STUDY)
+    assert check_file(str(path)) == ([], "12 cases (6 samples x 2 variants); 3 factors, latin hypercube")
+    words = ["study", str(path), "--check", "--workers", "2", "--build", str(build), "--runs", str(tmp_path / "runs")]
+    done = CliRunner().invoke(group, words)
+    assert done.exit_code == 0, done.output
+    assert re.search(r"^ *plain +6 +\S+ s$", done.output, re.MULTILINE), done.output
+    assert re.search(r"^About \S+ (s|min) with 2 processes, of which ", done.output, re.MULTILINE)
+    assert not (tmp_path / "runs").exists()

@@ -169,13 +169,16 @@ def show_estimate(study: Study, estimate: TimeEstimate) -> None:
 
 
 def extent(study: Study) -> str:
-    """Return `4,000 cases: 1,000 samples (sobol) x 4 variants; 17 factors`; cases of searches come on top."""
+    """Return `4,000 cases (1,000 samples x 4 variants), 400 more of worst case and tuning; 17 factors, sobol`."""
+    from twin.study import searched_cases
+
     samples, variants, seeds = len(study.design.values), len(study.variants), len(study.seeds(1))
-    parts = [f"{samples:,} samples ({study.design.method.replace('_', ' ')})"]
+    parts = [f"{samples:,} sample{'s' * (samples > 1)}"]
     parts += [f"{count} {word}s" for count, word in ((variants, "variant"), (seeds, "seed")) if count > 1]
-    searches = [name for name, keys in (("worst case", study.keys.worst), ("tuning", study.keys.tune)) if keys]
-    more = f"; {' and '.join(searches)}" if searches else ""
-    return f"{study.count:,} cases: {' x '.join(parts)}; {len(study.factors)} factors{more}"
+    searched = sum(searched_cases(study).values())
+    more = f", {searched:,} more of worst case and tuning" if searched else ""
+    method = study.design.method.replace("_", " ")
+    return f"{study.count:,} cases ({' x '.join(parts)}){more}; {len(study.factors)} factors, {method}"
 
 
 def show(outcome: StudyOutcome, answers: Answers) -> None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
         stored_cases,
         study_of_run,
     )
-    from twin.study.execution.study_runner import StudyOutcome, estimate_time, latest, run_study
+    from twin.study.execution.study_runner import StudyOutcome, estimate_time, latest, run_study, searched_cases
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
@@ -30,7 +30,7 @@ __getattr__, _, _ = lazy_loader.attach(
             "single",
         ],
         "progress": ["StudyProgress", "TimeEstimate"],
-        "study_runner": ["StudyOutcome", "estimate_time", "latest", "run_study"],
+        "study_runner": ["StudyOutcome", "estimate_time", "latest", "run_study", "searched_cases"],
     },
 )
 
@@ -45,6 +45,7 @@ __all__ = [
     "repeat",
     "resolve_case",
     "run_study",
+    "searched_cases",
     "single",
     "stored_case_folder",
     "stored_cases",
