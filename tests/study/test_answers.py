@@ -273,6 +273,12 @@ def test_variants_are_compared_over_the_same_samples(tmp_path):
     assert any(re.fullmatch(pattern, text) for text in texts), texts
 
 
+def test_a_mean_difference_that_may_be_none_is_said(tmp_path):
+    second = 0.3 + 0.01 * np.tile([1.0, -1.0], 10)
+    text = headline(paired(tmp_path, np.full(20, 0.3), second))[1].text
+    assert text.endswith("in 10 of 20 samples, mean difference 0 mN [-4, 4], which may be none.")
+
+
 def test_few_samples_and_equal_ones_are_said(tmp_path):
     few = paired(tmp_path, [0.1, 0.2, 0.3], [0.2, 0.3, 0.3])
     assert (

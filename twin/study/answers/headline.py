@@ -74,7 +74,7 @@ def pair_text(answers: Answers, pair: PairedDifference) -> str:
         return f"{pair.metric} of {pair.second} equals that of {pair.first} in all {pair.count} samples."
     return (
         f"{pair.metric} of {pair.second} is {side} than of {pair.first} in {number} of {pair.count} samples, "
-        f"mean difference {mean}{f' {interval}' if interval else ''}."
+        f"mean difference {mean}{f' {interval}' if interval else ''}{', which may be none' if pair.low <= 0.0 <= pair.high else ''}."
     )
 
 

@@ -63,7 +63,9 @@ class Answers:
     def difference(self, pair: PairedDifference) -> tuple[str, str]:
         """Mean difference of a pair, `-4.1 mN`, and its interval, `[-5.0, -3.2]`; "" without one."""
         numbers = [number for number in (pair.mean, pair.low, pair.high) if np.isfinite(number)]
-        own = common_format([float(f"{number:.3g}") for number in numbers], self.study.metrics[pair.metric].unit, True)
+        largest = max(map(abs, numbers))
+        digits = 2 - math.floor(math.log10(largest)) if largest else 0  # three significant ones of the largest
+        own = common_format([round(number, digits) for number in numbers], self.study.metrics[pair.metric].unit, True)
         mean, *ends = (own.text(number) for number in numbers)
         return mean, f"[{', '.join(end.partition(' ')[0] for end in ends)}]" if ends else ""
 
