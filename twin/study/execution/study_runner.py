@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import shutil
+import subprocess
+import sys
 import tempfile
 import time
 from contextlib import ExitStack, closing
@@ -236,8 +238,9 @@ def every_part(outcome: StudyOutcome, cases: PendingCases) -> None:
 
 
 def estimate_time(study: Study, *, build: Path, workers: int = 0) -> TimeEstimate:
-    """Measure in this process what a study will take: members of each variant are built, and two more of its cases run."""
+    """Measure what a study will take: a process is started; here, members are built and three cases of each variant run."""
     begin = time.perf_counter()
+    subprocess.run([sys.executable, "-c", "import twin.study.execution.worker"], check=True)
     requests = {variant: [r for r in study.requests() if r.variant == variant][:3] for variant in study.variants}
     with tempfile.TemporaryDirectory() as folder:
         frozen = Path(folder) / f"{study.scenario.name}.yaml"
