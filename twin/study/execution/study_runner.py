@@ -157,9 +157,8 @@ def run_study(
             with stop.armed():
                 job = prepared(study, folder / manifest_data["frozen"], build)
             with closing(started(job, study, scheduler, workers, memory or memory_of_each(workers), timeout)) as runner:
-                count = study.count + sum(searched_cases(study).values())
                 so_far = ReportSoFar(outcome, journal, manifest_data) if report else None
-                cases = PendingCases(runner, journal, ProgressReporter(journal, count, listen), stop, so_far)
+                cases = PendingCases(runner, journal, ProgressReporter(journal, expected(study), listen), stop, so_far)
                 requests = cases.requests
                 every_part(outcome, cases)
         except KeyboardInterrupt:
@@ -235,6 +234,11 @@ def every_part(outcome: StudyOutcome, cases: PendingCases) -> None:
         number = outcome.worst.last
     if study.keys.tune is not None:
         outcome.tuned = tune(study, cases, number)
+
+
+def expected(study: Study) -> int:
+    """Cases in all, as far as that is known before."""
+    return study.count + sum(searched_cases(study).values())
 
 
 def estimate_time(study: Study, *, build: Path, workers: int = 0) -> TimeEstimate:
