@@ -120,6 +120,17 @@ def test_the_rate_follows_the_latest_cases(monkeypatch):
     assert (rates[90], rates[149]) == (1.0, 0.5)
 
 
+def test_first_cases_that_come_at_once_give_no_rate(monkeypatch):
+    times = iter([100.0, 100.1, 100.2, 100.3, 102.0])
+    monkeypatch.setattr("twin.study.execution.progress.time.perf_counter", lambda: next(times))
+    rates = []
+    reporter = ProgressReporter(SimpleNamespace(rows={}), 9, lambda progress: rates.append(progress.rate))
+    for number in range(5):
+        reporter.take(Row(number, "done", "", (), (), seconds=2.0))
+    assert np.isnan(rates[:4]).all()
+    assert rates[4] == 2.0
+
+
 def test_the_time_of_a_study():
     estimate = TimeEstimate({"PI": 100, "FF": 50}, {"PI": 0.1, "FF": 0.4}, 5.0, 2)
     assert estimate.total == 5.0 + (10.0 + 20.0) / 2

@@ -99,7 +99,8 @@ def sample_means(cases: CaseTable, metric: str, variant: str) -> dict[int, float
 def mean_interval(differences: Array, study: Study) -> tuple[float, float]:
     """Bias-corrected and accelerated bootstrap interval of the mean (Efron, J. Am. Stat. Assoc. 82, 1987).
 
-    Above `MAX_BOOTSTRAP` samples that of a normal mean.
+    Above `MAX_BOOTSTRAP` samples that of a normal mean. Of a Latin hypercube or Sobol sequence, whose means vary less than
+    those of random samples, the interval is too wide rather than too narrow.
     """
     confidence = study.keys.confidence
     if study.design.method not in INDEPENDENT_SAMPLES or len(differences) < MIN_SAMPLES:

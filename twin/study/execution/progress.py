@@ -52,13 +52,17 @@ class ProgressReporter:
         self.report: Path | None = None
         self.failed = sum(row.status != DONE for row in journal.rows.values())
         self._times: deque[float] = deque(maxlen=LATEST)
+        self._first = float("inf")
 
     def take(self, row: Row) -> None:
         """One more row."""
         self._times.append(time.perf_counter())
         self.failed += row.status != DONE
+        self._first = min(self._first, self._times[-1])
         done, span = len(self.journal.rows), self._times[-1] - self._times[0]
-        rate = (len(self._times) - 1) / max(span, 1e-9) if len(self._times) >= LEAST else float("nan")
+        # the first cases of all processes come at once: their rate says nothing before another one could be done
+        is_steady = len(self._times) >= LEAST and span > 0.0 and self._times[-1] - self._first >= row.seconds
+        rate = (len(self._times) - 1) / span if is_steady else float("nan")
         left = max(self.count - done, 0) / rate
         try:
             self.listen(StudyProgress(self.part, done, self.count, self.failed, rate, left, self.report))
