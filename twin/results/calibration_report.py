@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -80,7 +81,7 @@ def to_yaml(shown: str, files: Mapping[str, Path], calibration: Calibration) -> 
         )
     lines += [f"# {text}" for text in warnings(calibration)]
     errors = [f"{name} {error}" for name, _, error in parameter_rows(calibration) if error != "-"]
-    lines.append(f"# standard errors: {', '.join(errors)}")
+    lines += textwrap.wrap(f"# standard errors: {', '.join(errors)}", 110, subsequent_indent="#   ")
     body = yaml.safe_dump({"parameters": calibration.parameters}, sort_keys=False, default_flow_style=None, width=110)
     return "\n".join(lines) + "\n" + body
 
