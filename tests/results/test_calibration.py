@@ -120,7 +120,7 @@ def test_fits_in_words(tmp_path: Path) -> None:
     text = calibration_report.to_yaml("sleeve", {"t": tmp_path / "a.csv"}, result).splitlines()
     assert text[:2] == [
         "# sleeve, calibrated from t=a.csv",
-        "# small: good; RMSE 0.2 mm, range 10 mm, noise - mm, 3 of 5 rows used, R2 0.05",
+        "# small: good; RMSE 0.2 mm, range 10 mm, noise not measured, 3 of 5 rows used, R2 0.05",
     ]
     assert text[-5:] == [
         "# standard errors: k 0.01, x[2] 0.2, weak 0.06",

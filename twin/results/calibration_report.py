@@ -76,8 +76,9 @@ def to_yaml(shown: str, files: Mapping[str, Path], calibration: Calibration) -> 
     lines = [f"# {shown}, calibrated from {', '.join(f'{name}={path.name}' for name, path in files.items())}"]
     for name, fit in calibration.fits.items():
         quality, residual, span, noise, rows, r_squared = fit_cells(fit)
+        noise = "not measured" if noise == "-" else f"{noise} mm"
         lines.append(
-            f"# {name}: {quality}; RMSE {residual} mm, range {span} mm, noise {noise} mm, {rows} rows used, R2 {r_squared}"
+            f"# {name}: {quality}; RMSE {residual} mm, range {span} mm, noise {noise}, {rows} rows used, R2 {r_squared}"
         )
     lines += [f"# {text}" for text in warnings(calibration)]
     errors = [f"{name} {error}" for name, _, error in parameter_rows(calibration) if error != "-"]
