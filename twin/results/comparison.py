@@ -301,16 +301,10 @@ def compare_summaries(
         return [], missing
     problems = []
     missing += list_missing("metric", first["metrics"], second["metrics"])
+    common = [case for case in cases[0] if case in cases[1]]
     for name, metric in first["metrics"].items():
-        other = second["metrics"].get(name, metric)
-        for variant, seed in (case for case in cases[0] if case in cases[1]):
-            values = [entry["variants"].get(variant, {}).get("values", {}).get(seed) for entry in (metric, other)]
-            if metric["unit"] != other["unit"] or not is_close(values[0], values[1], tolerance):
-                texts = " and ".join(
-                    "no value" if value is None else f"{value} {entry['unit']}"
-                    for value, entry in zip(values, (metric, other), strict=True)
-                )
-                problems.append(f"metric {name} of {variant}, seed {seed}: {texts}.")
+        if name in second["metrics"]:
+            problems += metric_problems(name, metric, second["metrics"][name], common, tolerance)
     if variants:
         return problems, missing
     if first["status"] != second["status"]:
@@ -323,6 +317,29 @@ def compare_summaries(
         if outcomes[1].get(name, verdict) != verdict
     ]
     return problems, missing
+
+
+def metric_problems(
+    name: str, first: Mapping[str, Any], second: Mapping[str, Any], cases: Sequence[tuple[str, str]], tolerance: float
+) -> list[str]:
+    """Return a line about a metric that differs: the case where it differs most, and in how many others it does."""
+    different = []
+    for variant, seed in cases:
+        a, b = (entry["variants"].get(variant, {}).get("values", {}).get(seed) for entry in (first, second))
+        if first["unit"] != second["unit"] or not is_close(a, b, tolerance):
+            part = abs(a - b) / (max(abs(a), abs(b)) or 1.0) if a is not None and b is not None else np.inf
+            different.append((part, f"{variant}, seed {seed}", a, b))
+    if not different:
+        return []
+    _, where, a, b = max(different, key=lambda entry: entry[0])
+    digits = 6 if a is None or b is None or f"{a:.6g}" != f"{b:.6g}" else 17
+    texts = " and ".join(
+        "no value" if value is None else f"{value:.{digits}g} {entry['unit']}".rstrip()
+        for value, entry in ((a, first), (b, second))
+    )
+    count = len(different) - 1
+    more = f"; also in {count} other case{'s' * (count > 1)}" if count else ""
+    return [f"metric {name} of {where}: {texts}{more}."]
 
 
 def is_close(first: float | None, second: float | None, tolerance: float) -> bool:
