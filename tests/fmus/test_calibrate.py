@@ -75,6 +75,12 @@ def folder(tmp_path_factory):
     return place
 
 
+@pytest.fixture(autouse=True)
+def no_picture(monkeypatch):
+    """Leave out the picture, which takes longer than all else; tests/results/test_calibration.py draws one."""
+    monkeypatch.setattr("twin.results.calibration_report.to_svg", lambda result: "<svg>")
+
+
 def run(*arguments):
     return CliRunner().invoke(command, list(map(str, arguments)), catch_exceptions=False)
 
