@@ -10,6 +10,7 @@ What the command line does, as objects; `twin.face` has them. Nothing is importe
 """
 
 import importlib
+import inspect
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -70,6 +71,23 @@ class CallablePackage(ModuleType):
     def __wrapped__(self) -> Any:
         """The function: `inspect` and notebooks show its signature."""
         return getattr(importlib.import_module("twin.face"), self.__name__.rpartition(".")[2])
+
+    @property
+    def __doc__(self) -> str:  # type: ignore[override]
+        """Docstring and signature of the function, then what the package holds: what `help(twin.run)` shows."""
+        function, own = self.__wrapped__, vars(self).get("__doc__")
+        synopsis, _, text = (inspect.getdoc(function) or "").partition("\n")
+        parameters = inspect.signature(function).parameters.values()
+        is_keyword = [parameter.kind is parameter.KEYWORD_ONLY for parameter in parameters]
+        lines = [
+            f"    {parameter.name}: {parameter.annotation}"
+            f"{'' if parameter.default is parameter.empty else f' = {parameter.default!r}'},"
+            for parameter in parameters
+        ]
+        if True in is_keyword:
+            lines.insert(is_keyword.index(True), "    *,")
+        signature = [f"{self.__name__}(", *lines, f") -> {inspect.signature(function).return_annotation}"]
+        return "\n".join([synopsis, "", *signature, text, "", f"The package: {own}"])
 
 
 def __dir__() -> list[str]:

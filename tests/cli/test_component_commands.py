@@ -130,7 +130,12 @@ def test_checks_of_all_components(checked, calls):
     assert calls == [("supervise", 60.0)]
     done = checked(SupervisorChannel(), {("a", "fmi"): ["x"], ("c", "fmi"): ["y"]}, "c", "a", "--timeout", "0")
     assert (done.stdout.splitlines(), str(done.exception)) == (["c: FAILED", "a: FAILED"], "2 components failed.")
-    assert checked(SupervisorChannel(), {}).exception is None
+    done = checked(SupervisorChannel(), {})
+    assert done.exception is None
+    assert done.stdout.splitlines()[-2:] == [
+        "Checked: source, units, texts; all forms agree with expected.csv to the bit.",
+        "Physics is not judged: write a scenario with expectations (`expect:`).",
+    ]
 
 
 def test_checks_go_on_after_one_that_ended_its_process(checked):

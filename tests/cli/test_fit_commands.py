@@ -35,17 +35,20 @@ def run(command, *words):
 
 @pytest.fixture
 def calibration(calls, monkeypatch):
-    fit = SimpleNamespace(coefficients=(1.23456, -2e-5))
+    result = SimpleNamespace(parameters={"a": 1.0, "b": 2.0}, fits={"line": 1})
     tables = {"linear": {"handle": "handle [m]", "tip": "tip [m]"}, "empty": {}}
     package = "twin.results.calibration."
     monkeypatch.setattr("twin.component.catalog.component", lambda name: f"class {name}")
     monkeypatch.setattr(package + "calibration_module", lambda cls, name: SimpleNamespace(TABLES=tables))
-    monkeypatch.setattr(package + "calibrate", calls("calibrate", ({"a": 1.0, "b": 2.0}, {"line": fit})))
-    monkeypatch.setattr(package + "quality", lambda fit: "residual 2 mm")
-    monkeypatch.setattr(package + "warnings", lambda fits: ["few points"])
+    monkeypatch.setattr(package + "calibrate", calls("calibrate", result))
+    package = "twin.results.calibration_report."
+    monkeypatch.setattr(package + "fit_cells", lambda fit: ("good", "0.1", "9", "-", "2 of 3", "0.5"))
+    monkeypatch.setattr(package + "parameter_rows", lambda result: [("a", "1", "0.1")])
+    monkeypatch.setattr(package + "warnings", lambda result: ["few points"])
     monkeypatch.setattr(package + "to_yaml", calls("yaml", "a: 1\n"))
+    monkeypatch.setattr(package + "to_svg", lambda result: "<svg>")
     monkeypatch.setattr(calibrate, "read_aliases", lambda path: f"aliases of {path}")
-    return fit
+    return result
 
 
 def test_calibration_lists_the_tables_of_a_component(calibration):
@@ -64,21 +67,23 @@ def test_a_calibration(calibration, calls):
     files = {"linear": Path("a=b.csv"), "empty": Path("c.csv")}
     words = ("part", "linear=a=b.csv", "empty=c.csv")
     end = "4 parameters. Copy them to `parameters:` of the member."
-    assert run(calibrate.command, *words) == (
-        0,
-        ["line: 1.235, -2e-05; residual 2 mm", f"part.yaml: {end.replace('4', '2')}"],
-        ["few points"],
-    )
+    code, lines, errors = run(calibrate.command, *words)
+    assert (code, errors) == (0, ["few points"])
+    assert [line.split() for line in lines if line.split()[:1] in (["line"], ["a"])] == [
+        ["line", "good", "0.1", "9", "-", "2", "of", "3", "0.5"],
+        ["a", "1", "0.1"],
+    ]
+    assert lines[-2:] == [f"part.yaml: {end.replace('4', '2')}", "part.svg: measured over fitted values."]
     assert calls == [
         ("calibrate", "class part", "part", files, {}),
-        ("yaml", "part", files, {"a": 1.0, "b": 2.0}, {"line": calibration}),
+        ("yaml", "part", files, calibration),
     ]
     assert Path("part.yaml").read_text() == "a: 1\n"
     with pytest.raises(TwinError, match=r"part\.yaml exists\. Use --force"):
         run(calibrate.command, *words)
     assert run(calibrate.command, *words, "--force", "--columns", "c.yaml")[0] == 0
     assert calls[2][-1] == "aliases of c.yaml"
-    assert run(calibrate.command, *words, "-o", "x.yaml")[1][1].startswith("x.yaml: 2 parameters.")
+    assert run(calibrate.command, *words, "-o", "x.yaml")[1][-2].startswith("x.yaml: 2 parameters.")
 
 
 @pytest.mark.parametrize(

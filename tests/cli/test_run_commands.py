@@ -188,15 +188,16 @@ def compared(calls, monkeypatch):
 def test_equal_runs(compared, calls):
     """Signals within the tolerance count as equal, to the limit itself."""
     same = (Difference("x", "PI", 1, 0.0, 0.0), Difference("y", "PI", 1, 1e-12, 1e-9))
-    text = "2 signals: 1 equal to the bit, 1 within 1e-09, 0 above. The runs agree."
-    assert compared(same, notes=["steps differ"]) == (0, ["note: steps differ", text])
-    assert calls == [(("folder a", "folder b"), ("summary a", "summary b"), 1e-9, ())]
-    assert compared(same, problems=["metric m differs"]) == (
-        1,
-        ["metric m differs", text.replace("agree", "differ")],
-    )
-    assert compared(same, "--signal", "heart.*", "--tolerance", "0")[0] == 1
-    assert calls[-1][2:] == (0.0, ("heart.*",))
+    text = "The runs agree: 2 signals, 1 equal to the bit, 1 within 1e-09."
+    assert compared(same, notes=["steps differ"]) == (0, [text, "note: steps differ"])
+    assert calls == [(("folder a", "folder b"), ("summary a", "summary b"), 1e-9, (), ())]
+    differ = "The runs differ: 0 of 2 signals (1 equal to the bit, 1 within 1e-09)"
+    assert compared(same, problems=["metric m differs"]) == (1, [f"{differ}, 1 other difference.", "metric m differs"])
+    lines = compared(same, problems=[f"p{i}" for i in range(22)])[1]
+    assert lines[0] == f"{differ}, 22 other differences."
+    assert lines[-2:] == ["p19", "and 2 more: use --all"]
+    assert compared(same, "--signal", "heart.*", "--tolerance", "0", "--variant", "PI")[0] == 1
+    assert calls[-1][2:] == (0.0, ("heart.*",), ("PI",))
     compared(same, "--signal", "heart.x", "--signal", "heart.y")  # each is in one of the runs
     with pytest.raises(TwinError, match=r"'heart\.z': not recorded in either run\. Did you mean 'heart\.x'\?"):
         compared(same, "--signal", "heart.z")
@@ -207,23 +208,24 @@ def test_differing_runs(compared):
     assert compared(differences(2)) == (
         1,
         [
+            "The runs differ: 2 of 2 signals (0 equal to the bit, 0 within 1e-09).",
+            "Most: s00 of PI, seed 1: 0.002 N, 0.5 of its largest magnitude.",
             "signal difference from relative",
             "s00 0.002 N 1.25 s 0.5",
             "s01 0.002 N 2.5 s 0.5",
-            "2 signals: 0 equal to the bit, 0 within 1e-09, 2 above. The runs differ.",
         ],
     )
-    assert compared(differences(1, seeds=(1, 2)))[1][:3] == [
+    assert compared(differences(1, seeds=(1, 2)))[1][2:] == [
         "signal case difference from relative",
         "s00 PI, seed 1 0.002 N 1.25 s 0.5",
         "s00 PI, seed 2 0.002 N 1.25 s 0.5",
     ]
     lines = compared(differences(compare.MAX_LISTED))[1]
-    assert (len(lines), lines[-2][:3]) == (compare.MAX_LISTED + 2, f"s{compare.MAX_LISTED - 1}")
+    assert (len(lines), lines[-1][:3]) == (compare.MAX_LISTED + 3, f"s{compare.MAX_LISTED - 1}")
     lines = compared(differences(compare.MAX_LISTED + 2))[1]
-    assert (len(lines), lines[-2]) == (compare.MAX_LISTED + 3, "and 2 more: use --all")
+    assert (len(lines), lines[-1]) == (compare.MAX_LISTED + 4, "and 2 more: use --all")
     lines = compared(differences(compare.MAX_LISTED + 2), "--all")[1]
-    assert (len(lines), lines[-2][:3]) == (compare.MAX_LISTED + 4, f"s{compare.MAX_LISTED + 1}")
+    assert (len(lines), lines[-1][:3]) == (compare.MAX_LISTED + 5, f"s{compare.MAX_LISTED + 1}")
 
 
 def test_exit_codes_reach_the_command(calls, monkeypatch):

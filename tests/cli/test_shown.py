@@ -223,15 +223,17 @@ def test_progress_of_a_study(capsys):
     """A line each ten seconds, and one at the end; once where the report so far is."""
     made = [
         SimpleNamespace(part="sample of 4", done=done, count=4, rate=9.123, left=left, failed=2, report=report)
-        for done, left, report in ((0, 89.4, None), (1, 90.0, "r.html"), (4, 0.0, "r.html"))
+        for done, left, report in ((0, 89.4, None), (1, 90.0, "r.html"), (4, 0.0, "r.html"), (1, float("nan"), None))
     ]
     assert [study.progress_text(one) for one in made] == [
         "sample: 0 of 4, 9.12 per second, 89 s left, 2 failed",
         "sample: 1 of 4, 9.12 per second, 2 min left, 2 failed",
-        "sample: 4 of 4, 9.12 per second, 0 s left, 2 failed",
+        "sample: 4 of 4, 2 failed; tables and report follow",
+        "sample: 1 of 4, 2 failed",
     ]
+    assert [study.duration(seconds) for seconds in (89.4, 90, 5399, 5400)] == ["89 s", "2 min", "90 min", "1.5 h"]
     display = study.StudyDisplay("Study")
-    for one in made:
+    for one in made[:3]:
         display.update(one)
     shown = [study.progress_text(made[0]), "report so far: r.html", study.progress_text(made[2])]
     assert capsys.readouterr().err.splitlines() == shown

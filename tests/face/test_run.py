@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import pydoc
 import shutil
 import subprocess
 import sys
@@ -28,6 +29,19 @@ def test_a_branch_from_a_checkpoint(scenario, place, build):
     assert not (one == other)[30:].any()
     with pytest.raises(TwinError, match="is complete: there is nothing to resume"):
         whole.resume(build=build)
+
+
+@pytest.mark.parametrize("name", twin.PACKAGES)
+def test_help_on_a_function_that_is_also_a_package(name):
+    """Signature and docstring of the function come first, as `help(twin.run)`, editors and notebooks show them."""
+    package, function = getattr(twin, name), getattr(twin.face, name)
+    assert inspect.signature(package) == inspect.signature(function)
+    text = pydoc.render_doc(package, renderer=pydoc.plaintext)
+    start = text.partition("PACKAGE CONTENTS")[0]
+    synopsis = inspect.getdoc(function).partition("\n")[0]
+    assert f"twin.{name} - {synopsis}" in start
+    assert f"twin.{name}(\n" in start
+    assert all(f"    {parameter}: " in start for parameter in inspect.signature(function).parameters)
 
 
 def test_a_file_that_is_wrong_lists_all_problems(tmp_path):

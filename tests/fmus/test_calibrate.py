@@ -75,6 +75,12 @@ def folder(tmp_path_factory):
     return place
 
 
+@pytest.fixture(autouse=True)
+def no_picture(monkeypatch):
+    """Leave out the picture, which takes longer than all else; tests/results/test_calibration.py draws one."""
+    monkeypatch.setattr("twin.results.calibration_report.to_svg", lambda result: "<svg>")
+
+
 def run(*arguments):
     return CliRunner().invoke(command, list(map(str, arguments)), catch_exceptions=False)
 
@@ -163,8 +169,38 @@ def test_columns_have_names_and_units_of_ones_own(alias, tmp_path):
 def test_a_poor_fit_is_reported(tmp_path):
     moves(tmp_path / "a.csv", tips=[tip + (-1) ** k for k, tip in enumerate(TIP)])
     result = run("coordinate_feedforward", f"linear={tmp_path / 'a.csv'}", "-o", tmp_path / "out.yaml")
-    assert "warning: reversal: R2 " in result.output
-    assert "is below 0.9" in (tmp_path / "out.yaml").read_text()
+    assert "warning: reversal: RMSE " in result.output
+    assert "of the range. Check columns, units and order of its rows." in (tmp_path / "out.yaml").read_text()
+
+
+def test_a_fit_of_the_play_is_judged_by_its_error_in_mm(tmp_path):
+    """R2 of a nearly constant offset is small however exact the readings are; inches without a unit give a hint."""
+    moves(tmp_path / "a.csv")
+    exact = run("coordinate_feedforward", f"linear={tmp_path / 'a.csv'}", "-o", tmp_path / "a.yaml").output
+    assert "warning" not in exact
+    assert "6 of 15" in exact
+    assert (tmp_path / "a.svg").exists()
+    moves(tmp_path / "b.csv", factor=1 / 25.4)
+    inches = run("coordinate_feedforward", f"linear={tmp_path / 'b.csv'}", "-o", tmp_path / "b.yaml").output
+    assert "warning: linear.handle_mm spans 0.787 mm" in inches
+
+
+@pytest.mark.slow
+def test_standard_errors_are_the_spread_of_repeated_calibrations():
+    """Of 200 tables of a guide with play and noisy readings: the stated errors are the deviation from table to table."""
+    rng, deviations = np.random.default_rng(4), []
+    for _ in range(200):
+        handle = np.concatenate([[0.0], rng.uniform(0, 20, 60)])
+        move = np.diff(handle)
+        turned = np.diff(np.sign(move), prepend=1.0) != 0
+        tip = np.cumsum([0.0, *np.sign(move) * (1.06 * np.abs(move) - 2.5 * turned)])
+        table = {"handle_mm": handle, "tip_mm": tip + rng.normal(0, 0.05, 61)}
+        parameters, fits = calibrate.calibrate({"linear": table})
+        errors = calibrate.standard_errors(fits)
+        true = {"slope": 0.06, "reversal_offset": 2.5}
+        deviations.append([(parameters[name] - value) / errors[name] for name, value in true.items()])
+    assert np.abs(np.mean(deviations, axis=0)).max() < 0.3
+    assert np.std(deviations, axis=0) == pytest.approx((1.0, 1.0), abs=0.25)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from twin.errors import TwinError
-from twin.results import calibration
+from twin.results import calibration, calibration_report
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -33,6 +33,8 @@ def read(path: Path, text: str, **aliases: tuple[str, str]) -> dict[str, list[fl
         ("way,count\n1,2\n3.5,4\n", {"travel_mm": ("way", "")}, [1.0, 3.5]),
         ("way,count\n100,2\n350,4\n", {"travel_mm": ("way", "um")}, [0.1, 0.35]),
         ("way [um],count\n100,2\n350,4\n", {"travel_mm": ("way", "")}, [0.1, 0.35]),
+        ("travel (cm),count (all)\n1,2\n3.5,4\n", {"count": ("count (all)", "")}, [10.0, 35.0]),
+        ("travel [in],count\n1,2\n3.5,4\n", {}, [25.4, 88.9]),
     ],
 )
 def test_columns_are_converted_to_their_own_units(
@@ -70,32 +72,95 @@ def test_tables_that_cannot_be_read(tmp_path: Path, text: str, problem: str) -> 
     assert message == problem if not problem.endswith(": ") else message.endswith("Correct the unit of travel_mm.")
 
 
-def fit(r_squared: float, residual: float = 0.01234, used: int = 3) -> Any:
-    return SimpleNamespace(r_squared=r_squared, residual=residual, used=range(used))
+def fit(residual: float, noise: float = float("nan"), r_squared: float = 0.5, error: float = 0.1) -> Any:
+    values = np.array([0.0, 1.0, 2.0])
+    return SimpleNamespace(
+        residual=residual,
+        noise=noise,
+        r_squared=r_squared,
+        span=10.0,
+        errors=(error,),
+        rows=5,
+        used=range(3),
+        measured=values,
+        predicted=values + residual,
+    )
+
+
+FITS = {
+    "small": fit(0.2, r_squared=0.05),
+    "fair": fit(0.5),
+    "poor": fit(0.501, r_squared=0.99),
+    "noisy": fit(0.6, 0.4),
+    "limit": fit(0.0, error=float("nan")),
+}
 
 
 def test_fits_in_words(tmp_path: Path) -> None:
-    fits = {"good": fit(0.9), "poor": fit(0.8999), "odd": fit(float("nan"))}
-    assert calibration.quality(fits["good"]) == "R2 0.9000, residual 0.0123, 3 measurements"
-    assert calibration.quality(fits["odd"]) == "residual 0.0123, 3 measurements"
-    warning = "warning: poor: R2 0.90 is below 0.9. Check columns, units and order of its measurements."
-    assert calibration.warnings(fits) == [warning]
-    text = calibration.to_yaml("sleeve", {"t": tmp_path / "a.csv"}, {"k": 2.5, "x": [1.0, 2.0]}, fits)
-    assert text.splitlines() == [
+    """A fit is judged by its RMSE over the range of the motion, not by R2."""
+    assert [calibration_report.verdict(FITS[name]) for name in FITS] == [
+        "good",
+        "fair",
+        "poor",
+        "as the noise",
+        "read off",
+    ]
+    result = calibration.Calibration(
+        {"k": 2.5, "x": [1.0, 2.0], "weak": 0.1}, {"k": 0.01, "x": [0.0, 0.2], "weak": 0.06}, FITS, ["hint."]
+    )
+    assert calibration_report.fit_cells(FITS["noisy"]) == ("as the noise", "0.6", "10", "0.4", "3 of 5", "0.5")
+    rows = [("k", "2.5", "0.01"), ("x[1]", "1", "-"), ("x[2]", "2", "0.2"), ("weak", "0.1", "0.06")]
+    assert calibration_report.parameter_rows(result) == rows
+    assert calibration_report.warnings(result) == [
+        "warning: hint.",
+        "warning: poor: RMSE 0.501 mm, 5% of the range. Check columns, units and order of its rows.",
+        "warning: noisy: RMSE 0.6 mm, 6% of the range. The readings are noisy.",
+        "warning: weak: 0.1 with standard error 0.06 is not determined. Take more readings.",
+    ]
+    text = calibration_report.to_yaml("sleeve", {"t": tmp_path / "a.csv"}, result).splitlines()
+    assert text[:2] == [
         "# sleeve, calibrated from t=a.csv",
-        "# good: R2 0.9000, residual 0.0123, 3 measurements",
-        "# poor: R2 0.8999, residual 0.0123, 3 measurements",
-        "# odd: residual 0.0123, 3 measurements",
-        f"# {warning}",
+        "# small: good; RMSE 0.2 mm, range 10 mm, noise not measured, 3 of 5 rows used, R2 0.05",
+    ]
+    assert text[-5:] == [
+        "# standard errors: k 0.01, x[2] 0.2, weak 0.06",
         "parameters:",
         "  k: 2.5",
         "  x: [1.0, 2.0]",
+        "  weak: 0.1",
     ]
+
+
+@pytest.mark.slow
+def test_the_picture_shows_each_fit_with_measured_values() -> None:
+    picture = calibration_report.to_svg(calibration.Calibration({}, {}, FITS, []))
+    assert [name for name in FITS if f"{name}: " in picture] == ["small", "fair", "poor", "noisy"]
+    assert "measured minus fitted, RMSE 0.6 mm" in picture
+
+
+@pytest.mark.parametrize(
+    ("span", "sentence"),
+    [
+        (18.0, ""),
+        (
+            20.0 / 25.4,
+            "t.a_mm spans 0.787 mm, the rig's stroke is 20 mm. Check its unit. With the header `a [in]` it spans",
+        ),
+        (2.0, "With the header `a [cm]` it spans 20 mm."),
+        (20000.0, "With the header `a [um]` it spans 20 mm."),
+        (1e-6, "the rig's stroke is 20 mm. Check its unit."),
+    ],
+)
+def test_a_range_far_from_the_stroke_gives_a_hint(span: float, sentence: str) -> None:
+    hints = calibration.stroke_hints("t.a_mm", np.array([300.0, 300.0 + span]), 20.0)
+    assert bool(hints) == bool(sentence)
+    assert sentence in "".join(hints)
 
 
 def test_a_component_is_calibrated_by_its_own_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     module = ModuleType("own.calibrate")
-    module.TABLES = {"t": COLUMNS}  # type: ignore[attr-defined]
+    module.TABLES, module.STROKES = {"t": COLUMNS}, {"travel_mm": 50.0}  # type: ignore[attr-defined]
+    module.standard_errors = lambda fits: {"k": fits["f"]}  # type: ignore[attr-defined]
     module.calibrate = lambda tables: ({"k": float(np.sum(tables["t"]["count"]))}, {"f": 1})  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "own", ModuleType("own"))
     monkeypatch.setitem(sys.modules, "own.calibrate", module)
@@ -103,7 +168,9 @@ def test_a_component_is_calibrated_by_its_own_module(tmp_path: Path, monkeypatch
     file = tmp_path / "a.csv"
     file.write_text("travel_mm,number\n1,2\n3,4\n")
     aliases = {"t": {"count": ("number", "")}}
-    assert calibration.calibrate(component, "own", {"t": file}, aliases) == ({"k": 6.0}, {"f": 1})
+    hint = "t.travel_mm spans 2 mm, the rig's stroke is 50 mm. Check its unit. With the header `travel [in]` it spans 50.8 mm."
+    expected = calibration.Calibration({"k": 6.0}, {"k": 1}, {"f": 1}, [hint])
+    assert calibration.calibrate(component, "own", {"t": file}, aliases) == expected
     with pytest.raises(TwinError, match=r"^u=.*a\.csv: own has no table 'u'\. Its tables: t\.$"):
         calibration.calibrate(component, "own", {"u": file}, {})
     with pytest.raises(TwinError, match=r"^columns: own has no table with column t\.cont\. Did you mean 'count'"):

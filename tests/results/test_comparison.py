@@ -54,7 +54,7 @@ def test_equal_runs_agree(tmp_path: Path) -> None:
     a, b = written(tmp_path / "a"), written(tmp_path / "b")
     assert called(a, b, "--tolerance", 0) == (
         0,
-        "6 signals: 6 equal to the bit, 0 within 0, 0 above. The runs agree.\n",
+        "The runs agree: 6 signals, 6 equal to the bit, 0 within 0.\n",
     )
 
 
@@ -62,9 +62,14 @@ def test_a_difference_is_found_where_it_is(tmp_path: Path) -> None:
     a, b = written(tmp_path / "a"), written(tmp_path / "b", force=0.02)
     code, text = called(a, b)
     assert code == 1
-    row = next(line for line in text.splitlines() if "a.force" in line)
+    row = next(line for line in text.splitlines() if line.strip().startswith("a.force"))
     assert row.split() == ["a.force", "PI+FF,", "seed", "7", "0.02", "mN", "0.4", "s", "0.01"]
-    assert "5 equal to the bit, 0 within 1e-09, 1 above. The runs differ." in text
+    assert text.splitlines()[:2] == [
+        "The runs differ: 1 of 6 signals (5 equal to the bit, 0 within 1e-09).",
+        "Most: a.force of PI+FF, seed 7: 0.02 mN, 0.01 of its largest magnitude.",
+    ]
+    assert called(a, b, "--variant", "PI") == (0, "The runs agree: 3 signals, 3 equal to the bit, 0 within 1e-09.\n")
+    assert called(a, b, "--variant", "PI+FF")[0] == 1
     assert called(a, b, "--tolerance", 0.011)[0] == 0
     assert called(a, b, "--tolerance", 0.009)[0] == 1
     assert called(a, b, "--signal", "a.x")[0] == 0
@@ -96,8 +101,38 @@ def test_what_is_in_one_run_alone_differs(tmp_path: Path) -> None:
     code, text = called(a, b)
     assert code == 1
     assert "status: completed and interrupted." in text
-    assert "expectation e: is only in the second run." in text
-    assert "case PI+FF, seed 7: is only in the first run." in text
+    assert "1 expectation only in the second run: e" in text
+    assert "1 case only in the first run: PI+FF, seed 7" in text
+    done = CliRunner().invoke(compare, [str(a), str(b), "--variant", "PI+F"])
+    assert str(done.exception) == "'PI+F': neither run has this variant. Did you mean 'PI+FF'?"
+
+
+def test_signals_of_one_run_are_one_line(tmp_path: Path) -> None:
+    """However many signals and variants there are; not those of variants that only one run has."""
+    names = [f"a.x{i:02}" for i in range(60)]
+    for folder, recorded, variants in (("a", names, ("PI", "FF", "BW")), ("b", ["a.x03", "a.y"], ("PI", "FF"))):
+        cases = {
+            (variant, 1): Signals(TIME, dict.fromkeys(recorded + ["a.z"] * (variant == "BW"), TIME))
+            for variant in variants
+        }
+        columns = [RecordedVariable(name) for name in [*recorded, "a.z"]]
+        with run_folder.SignalFile(tmp_path / f"{folder}.parquet", columns, {}) as file:
+            for (variant, seed), signals in cases.items():
+                file.write(variant, seed, signals)
+        (tmp_path / folder).mkdir()
+        (tmp_path / f"{folder}.parquet").rename(tmp_path / folder / "signals.parquet")
+        summary = run_folder.build_summary(run_folder.RunInfo("x"), Evaluation(), cases)
+        (tmp_path / folder / "summary.json").write_text(json.dumps(run_folder.to_json_value(summary)))
+    code, text = called(tmp_path / "a", tmp_path / "b")
+    assert code == 1
+    alone = "1 case only in the first, 59 signals only in the first, 1 signal only in the second"
+    assert text.splitlines() == [
+        f"The runs differ: 0 of 2 signals (2 equal to the bit, 0 within 1e-09), {alone}.",
+        "1 case only in the first run: BW, seed 1",
+        f"59 signals only in the first run: {', '.join(name for name in names[:7] if name != 'a.x03')} and 53 more",
+        "1 signal only in the second run: a.y",
+    ]
+    assert "a.x59" in called(tmp_path / "a", tmp_path / "b", "--all")[1]
 
 
 def exported(run: Path, target: Path, *words: str) -> str:

@@ -13,6 +13,7 @@ from twin.results.comparison import (
     MAX_VALUES_IN_MEMORY,
     Comparison,
     Difference,
+    Missing,
     batches,
     compare_summaries,
     describe_length_difference,
@@ -21,6 +22,7 @@ from twin.results.comparison import (
     is_selected,
     largest_difference,
     list_missing,
+    missing_signals,
     resample,
 )
 from twin.results.recording.run_folder import RecordedVariable
@@ -169,40 +171,50 @@ def summary(status: str = "completed", **changes: Any) -> dict[str, Any]:
     [
         ({}, []),
         ({"status": "failed"}, ["status: completed and failed."]),
-        ({"seeds": (1,)}, ["case PI, seed 2: is only in the first run."]),
-        ({"seeds": (1, 2, 3)}, ["case PI, seed 3: is only in the second run."]),
+        ({"seeds": (1,)}, ["1 case only in the first run: PI, seed 2"]),
+        ({"seeds": (1, 2, 3)}, ["1 case only in the second run: PI, seed 3"]),
         ({"values": {"1": 2.02, "2": 3.0}}, []),
-        ({"values": {"1": 2.03, "2": 3.0}}, ["metric m of PI, seed 1: 2.0 N and 2.03 N."]),
-        ({"values": {"1": 2.0, "2": None}}, ["metric m of PI, seed 2: 3.0 N and None N."]),
-        ({"unit": "mN"}, ["metric m of PI, seed 1: 2.0 N and 2.0 mN.", "metric m of PI, seed 2: 3.0 N and 3.0 mN."]),
+        ({"values": {"1": 2.03, "2": 3.0}}, ["metric m of PI, seed 1: 2 N and 2.03 N."]),
+        ({"values": {"1": 2.0, "2": None}}, ["metric m of PI, seed 2: 3 N and no value."]),
+        ({"values": {"1": 2.1, "2": 6.0}}, ["metric m of PI, seed 2: 3 N and 6 N; also in 1 other case."]),
+        ({"unit": "mN"}, ["metric m of PI, seed 1: 2 N and 2 mN; also in 1 other case."]),
         (
             {"metric": "n"},
-            [
-                "metric m of PI, seed 1: is only in the first run.",
-                "metric m of PI, seed 2: is only in the first run.",
-                "metric n of PI, seed 1: is only in the second run.",
-                "metric n of PI, seed 2: is only in the second run.",
-            ],
+            ["1 metric only in the first run: m", "1 metric only in the second run: n"],
         ),
         ({"verdicts": {"e": "fail"}}, ["expectation e: pass and fail."]),
         (
             {"verdicts": {"f": "pass"}},
-            ["expectation e: is only in the first run.", "expectation f: is only in the second run."],
+            ["1 expectation only in the first run: e", "1 expectation only in the second run: f"],
         ),
     ],
 )
 def test_what_differs_in_two_summaries(changes: dict[str, Any], problems: list[str]) -> None:
     """Within one percent; with chosen signals the cases alone."""
     second = summary(**changes)
-    assert compare_summaries(summary(), second, 0.01, everything=True) == problems
-    cases = [problem for problem in problems if problem.startswith("case")]
-    assert compare_summaries(summary(), second, 0.01, everything=False) == cases
+    different, missing = compare_summaries(summary(), second, 0.01, metrics=True, variants=())
+    assert [*different, *(entry.text(5) for entry in missing)] == problems
+    different, missing = compare_summaries(summary(), second, 0.01, metrics=False, variants=())
+    assert (different, [entry.text(5) for entry in missing]) == (
+        [],
+        [text for text in problems if text.startswith("1 case")],
+    )
+    different, missing = compare_summaries(summary(), second, 0.01, metrics=True, variants=("PI",))
+    whole = ("status", "expectation", "1 expectation")
+    own = [problem for problem in problems if not problem.startswith(whole)]
+    assert [*different, *(entry.text(5) for entry in missing)] == own
+    assert compare_summaries(summary(), second, 0.01, metrics=False, variants=("BW",)) == ([], [])
 
 
 def test_entries_of_one_run() -> None:
-    assert list_missing("signal", {"a": 1, "b": 2}, {"b": 1, "c": 2}) == [
-        "signal a: is only in the first run.",
-        "signal c: is only in the second run.",
+    entries = list_missing("signal", {"a": 1, "b": 2}, {"b": 1, "c": 2, "d": 3})
+    assert [(entry.run, entry.names) for entry in entries] == [("first", ("a",)), ("second", ("c", "d"))]
+    assert entries[1].text(1) == "2 signals only in the second run: c and 1 more"
+    assert missing_signals({"PI": ["a", "b"], "FF": ["a", "b"]}, {"PI": ["b"], "FF": ["b"]}) == [
+        Missing("signal", "first", ("a",))
+    ]
+    assert missing_signals({"PI": ["a", "b"], "FF": ["a"]}, {"PI": ["b"], "FF": ["a"]}) == [
+        Missing("signal", "first", ("a",), "PI")
     ]
 
 
@@ -239,3 +251,9 @@ def test_the_first_deviation_is_the_likeliest_cause() -> None:
     assert not found.agrees
     assert Comparison((within, equal), (), ("a note",), 0.01).agrees
     assert not Comparison((within, equal), ("a problem",), (), 0.01).agrees
+    alone = Comparison((within, equal), (), (), 0.01, (Missing("signal", "first", ("a", "b")),))
+    assert not alone.agrees
+    assert alone.headline == (
+        "The runs differ: 0 of 2 signals (1 equal to the bit, 1 within 0.01), 2 signals only in the first."
+    )
+    assert found.largest == late

@@ -13,11 +13,13 @@ from scipy import stats
 from tests.every_case import every_case
 from tests.study.patients import STUDY, study_file
 from twin.cli import group
+from twin.cli.check import check_file
 from twin.results import Expectation
 from twin.study import Answers, headline, load_study, percent
 from twin.study.answers import plots, sensitivity, tables
 from twin.study.answers.headline import lowest_pass_rate
 from twin.study.answers.page import linked
+from twin.study.answers.paired import mean_interval
 from twin.study.answers.statistics import above, in_order, quantile, wilson
 from twin.study.execution.case_engine import Row
 from twin.study.execution.case_table import CaseTable
@@ -191,7 +193,7 @@ def test_the_command_runs_a_study_and_one_of_its_cases_again(tmp_path, build):
     assert f'href="#case-{failing[0]}"' in page
     assert f"twin run --case {folder}:" in page
     sections = re.findall(r'<section id="(\w+)">', page)
-    assert {"variants", "shares", "spreads", "clusters", "pictures", "cases", "factors"} <= set(sections)
+    assert {"variants", "shares", "pairs", "spreads", "clusters", "pictures", "cases", "factors"} <= set(sections)
     assert all(f'href="#{name}"' in page for name in sections)
     again = runner.invoke(group, ["run", "--case", f"patients:{failing[0]}", "--no-report", *folders])
     assert again.exit_code == 1, again.output  # as it failed in the study
@@ -237,3 +239,87 @@ def test_in_how_many_samples_an_order_of_variants_holds():
     )
     order = Expectation("", metric="peak", ordered=("stiff", "soft"))
     assert in_order(cases, order) == (2, (21, 41), 4)
+
+
+def paired(tmp_path, first, second, method="latin_hypercube"):
+    """The answers of a study in which these are `force_max` [N] of `plain` and `soft`, sample by sample."""
+    text = STUDY.replace("{method: latin_hypercube, count: 6, seed: 3}", f"{{method: {method}, count: {len(first)}}}")
+    study = load_study(study_file(tmp_path, text))
+    requests = list(study.requests())
+    values = dict(zip(study.variants, (first, second), strict=True))
+    rows = [
+        Row(request.number, "done", "", (float(values[request.variant][request.sample - 1]), 0.0), (True, None))
+        for request in requests
+    ]
+    return Answers(CaseTable(study, requests, rows))
+
+
+def test_variants_are_compared_over_the_same_samples(tmp_path):
+    """The spread from sample to sample, 0.1 N, does not hide a difference of 5 mN."""
+    generator = np.random.default_rng(2)
+    first = 0.3 + 0.1 * generator.standard_normal(60)
+    second = first - 0.005 + 0.004 * generator.standard_normal(60)
+    second[4] = np.nan
+    answers = paired(tmp_path, first, second)
+    (pair,) = [pair for pair in answers.pairs if pair.metric == "force_max"]
+    delta = np.delete(second - first, 4)
+    assert (pair.first, pair.second, pair.count, pair.without) == (*answers.study.variants, 59, 1)
+    assert (pair.lower, pair.higher) == (int(np.sum(delta < 0)), int(np.sum(delta > 0)))
+    assert pair.mean == pytest.approx(delta.mean())
+    half = 2.0 * delta.std(ddof=1) / np.sqrt(59)
+    assert (pair.low, pair.high) == pytest.approx((delta.mean() - half, delta.mean() + half), abs=0.2 * half)
+    texts = [sentence.text for sentence in headline(answers)]
+    pattern = rf"force_max of soft is lower than of plain in {pair.lower} of 59 samples, mean difference -\S+ mN \[-\S+, -\S+\]\."
+    assert any(re.fullmatch(pattern, text) for text in texts), texts
+
+
+def test_a_mean_difference_that_may_be_none_is_said(tmp_path):
+    second = 0.3 + 0.01 * np.tile([1.0, -1.0], 10)
+    text = headline(paired(tmp_path, np.full(20, 0.3), second))[1].text
+    assert text.endswith("in 10 of 20 samples, mean difference 0 mN [-4, 4], which may be none.")
+
+
+def test_few_samples_and_equal_ones_are_said(tmp_path):
+    few = paired(tmp_path, [0.1, 0.2, 0.3], [0.2, 0.3, 0.3])
+    assert (
+        headline(few)[1].text == "force_max of soft is higher than of plain in 2 of 3 samples, mean difference 66.7 mN."
+    )
+    same = paired(tmp_path, [0.1] * 12, [0.1] * 12)
+    assert headline(same)[1].text == "force_max of soft equals that of plain in all 12 samples."
+
+
+@pytest.mark.slow
+def test_intervals_of_a_mean_difference_hold_as_often_as_they_say():
+    generator, study = (
+        np.random.default_rng(1),
+        SimpleNamespace(
+            design=SimpleNamespace(method="random"),
+            keys=SimpleNamespace(confidence=0.9, samples=SimpleNamespace(seed=1)),
+        ),
+    )
+    inside = 0
+    for _ in range(300):
+        low, high = mean_interval(generator.exponential(1.0, 60) - 1.0, study)
+        inside += low <= 0.0 <= high
+    assert inside / 300 == pytest.approx(0.9, abs=0.04)
+    low, high = mean_interval(generator.exponential(1.0, 4000), study)
+    assert high - low == pytest.approx(2 * 1.645 / np.sqrt(4000), rel=0.1)
+
+
+@pytest.mark.slow
+def test_a_study_is_checked_and_its_time_estimated(tmp_path, build):
+    """All mistakes at once, with lines; nothing is written."""
+    wrong = STUDY.replace("heart.rate", "heart.rat").replace("[0.5, 1.5]", "[1.5, 0.5]") + "metrics: [forc_max]\n"
+    path = study_file(tmp_path, wrong)
+    problems, _ = check_file(str(path))
+    assert [problem.partition(": ")[0].rpartition(":")[2] for problem in problems] == ["5", "6", "9"]
+    assert "Did you mean `rate`?" in problems[0].replace("'", "`")
+    assert "there is no metric `forc_max`. Did you mean `force_max`?" in problems[2]
+    path.write_text(STUDY)
+    assert check_file(str(path)) == ([], "12 cases (6 samples x 2 variants); 3 factors, latin hypercube")
+    words = ["study", str(path), "--check", "--workers", "2", "--build", str(build), "--runs", str(tmp_path / "runs")]
+    done = CliRunner().invoke(group, words)
+    assert done.exit_code == 0, done.output
+    assert re.search(r"^ *plain +6 +\S+ s$", done.output, re.MULTILINE), done.output
+    assert re.search(r"^About \S+ (s|min) with 2 processes, of which ", done.output, re.MULTILINE)
+    assert not (tmp_path / "runs").exists()

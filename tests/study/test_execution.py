@@ -23,7 +23,8 @@ from twin.study.execution import case_table
 from twin.study.execution.case_engine import Engine, Job, Row
 from twin.study.execution.journal import StudyJournal
 from twin.study.execution.process_pool import LostError, NotReadyError, Pool, Process, memory_of_each
-from twin.study.execution.study_runner import PendingCases, ProgressReporter
+from twin.study.execution.progress import ProgressReporter, TimeEstimate
+from twin.study.execution.study_runner import PendingCases
 from twin.study.execution.worker import NO_MEMORY, serve
 
 
@@ -91,18 +92,48 @@ def test_bands_are_written_in_chunks(tmp_path, monkeypatch):
 
 
 def test_progress_counts_and_estimates_what_is_left(monkeypatch):
-    times = iter([100.0, 102.0, 104.0, 106.0])
-    monkeypatch.setattr("twin.study.execution.study_runner.time.perf_counter", lambda: next(times))
+    """The rate is that between cases: what precedes the first, such as building, does not count."""
+    times = iter([100.0, 102.0, 104.0])
+    monkeypatch.setattr("twin.study.execution.progress.time.perf_counter", lambda: next(times))
     journal, seen = SimpleNamespace(rows={1: Row(1, "failed", "", (), ()), 2: Row(2, "done", "", (), ())}), []
     reporter = ProgressReporter(journal, 6, seen.append)
     for number, status in ((3, "done"), (4, "failed"), (7, "done")):
         journal.rows[number] = row = Row(number, status, "", (), ())
         reporter.take(row)
-    assert [tuple(vars(one).values()) for one in seen] == [
-        ("sample", 3, 6, 1, 0.5, 6.0, None),
-        ("sample", 4, 6, 2, 0.5, 4.0, None),
-        ("sample", 5, 6, 2, 0.5, 2.0, None),
+    assert [(one.part, one.done, one.count, one.failed) for one in seen] == [
+        ("sample", 3, 6, 1),
+        ("sample", 4, 6, 2),
+        ("sample", 5, 6, 2),
     ]
+    assert all(np.isnan(one.left) for one in seen[:2])
+    assert (seen[2].rate, seen[2].left, seen[2].report) == (0.5, 2.0, None)
+
+
+def test_the_rate_follows_the_latest_cases(monkeypatch):
+    """Cases of a tuning take another time than those before."""
+    times = iter([*np.arange(100.0, 200.0, 1.0), *np.arange(200.0, 300.0, 2.0)])
+    monkeypatch.setattr("twin.study.execution.progress.time.perf_counter", lambda: next(times))
+    rates = []
+    reporter = ProgressReporter(SimpleNamespace(rows={}), 150, lambda progress: rates.append(progress.rate))
+    for number in range(150):
+        reporter.take(Row(number, "done", "", (), ()))
+    assert (rates[90], rates[149]) == (1.0, 0.5)
+
+
+def test_first_cases_that_come_at_once_give_no_rate(monkeypatch):
+    times = iter([100.0, 100.1, 100.2, 100.3, 102.0])
+    monkeypatch.setattr("twin.study.execution.progress.time.perf_counter", lambda: next(times))
+    rates = []
+    reporter = ProgressReporter(SimpleNamespace(rows={}), 9, lambda progress: rates.append(progress.rate))
+    for number in range(5):
+        reporter.take(Row(number, "done", "", (), (), seconds=2.0))
+    assert np.isnan(rates[:4]).all()
+    assert rates[4] == 2.0
+
+
+def test_the_time_of_a_study():
+    estimate = TimeEstimate({"PI": 100, "FF": 50}, {"PI": 0.1, "FF": 0.4}, 5.0, 2)
+    assert estimate.total == 5.0 + (10.0 + 20.0) / 2
 
 
 @pytest.mark.parametrize(("error", "ends"), [(OSError("closed"), False), (BrokenPipeError(), True)])

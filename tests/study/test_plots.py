@@ -263,8 +263,9 @@ def test_the_table_of_variants_has_medians_and_pass_rates(tmp_path):
     assert motion == {"text": "", "value": None, "kind": "", "more": ""}
     assert (gentle["text"], gentle["value"], gentle["kind"]) == ("83.3 %", pytest.approx(5 / 6), "fail")
     assert answers.between("force_max", 0.02, 0.034) == "20 to 34 mN"
-    assert answers.between("force_max", float("nan"), 0.034) == "open to 34 mN"
-    assert answers.between("force_max", 0.02, float("nan")) == "20 mN to open"
+    assert answers.between("force_max", float("nan"), 0.034) == "below 34 mN"
+    assert answers.between("force_max", 0.02, float("nan")) == "above 20 mN"
+    assert answers.between("force_max", float("nan"), float("nan")) == "too few cases"
     listed = tables.singles(answers, [2, 3], {3: "cases/run"})
     assert [(row["number"], row["variant"], row["failed"], row["run"]) for row in listed["rows"]] == [
         (2, "soft", "gentle", ""),

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from twin.cli.options import force_option, refuse_existing
-from twin.cli.terminal import say
+from twin.cli.terminal import make_table, open_console, say
 from twin.errors import ScenarioError, TwinError
+
+if TYPE_CHECKING:
+    from twin.results import calibration
 
 
 @click.command(name="calibrate")
@@ -29,10 +33,10 @@ from twin.errors import ScenarioError, TwinError
 )
 @force_option
 def command(name: str, tables: tuple[str, ...], output: Path | None, columns: Path | None, force: bool) -> None:
-    """Fit the parameters of component NAME to bench measurements and write them as YAML.
+    """Fit the parameters of component NAME to bench measurements and write them as YAML, and a picture as SVG.
 
     Each TABLE is a set of measurements in a CSV file. Without tables, list those of the component with their columns.
-    --columns names a file such as `columns: {linear: {handle_mm: {name: Handle, unit: cm}}}`.
+    A unit may stand in the header, `handle [in]` or `handle (in)`; else --columns names a file such as `columns: {linear: {handle_mm: {name: Handle, unit: cm}}}`.
 
     \b
     twin calibrate coordinate_feedforward
@@ -40,7 +44,7 @@ def command(name: str, tables: tuple[str, ...], output: Path | None, columns: Pa
         deflection=pulls.csv -o my_catheter.yaml
     """
     from twin.component import catalog
-    from twin.results import calibration, write_text
+    from twin.results import calibration, calibration_report, write_text
 
     cls = catalog.component(name)
     if not tables:
@@ -60,15 +64,32 @@ def command(name: str, tables: tuple[str, ...], output: Path | None, columns: Pa
             raise TwinError(f"{argument}: table {table} is given twice. Merge its measurements into one file.")
         files[table] = Path(path)
     target = output or Path(f"{name}.yaml")
-    refuse_existing(target, force)
-    parameters, fits = calibration.calibrate(cls, name, files, read_aliases(columns) if columns else {})
-    for label, fit in fits.items():
-        values = ", ".join(f"{value:.4g}" for value in fit.coefficients)
-        say(f"{label}: {values}; {calibration.quality(fit)}")
-    for text in calibration.warnings(fits):
+    picture = target.with_suffix(".svg")
+    for file in (target, picture):
+        refuse_existing(file, force)
+    result = calibration.calibrate(cls, name, files, read_aliases(columns) if columns else {})
+    show(result)
+    for text in calibration_report.warnings(result):
         say(text, err=True)
-    write_text(target, calibration.to_yaml(name, files, parameters, fits))
-    say(f"{target}: {len(parameters)} parameters. Copy them to `parameters:` of the member.")
+    write_text(target, calibration_report.to_yaml(name, files, result))
+    write_text(picture, calibration_report.to_svg(result))
+    say(f"{target}: {len(result.parameters)} parameters. Copy them to `parameters:` of the member.")
+    say(f"{picture}: measured over fitted values.")
+
+
+def show(result: calibration.Calibration) -> None:
+    """Print how well each form fits, and the parameters with their standard errors."""
+    from twin.results import calibration_report
+
+    fits = make_table("fit", "is", "RMSE\n[mm]", "range\n[mm]", "noise\n[mm]", "rows\nused", "R2", left=2)
+    for name, fit in result.fits.items():
+        fits.add_row(name, *calibration_report.fit_cells(fit))
+    parameters = make_table("parameter", "value", "standard error", left=1)
+    for row in calibration_report.parameter_rows(result):
+        parameters.add_row(*row)
+    open_console().print(fits)
+    say(calibration_report.TERMS)
+    open_console().print(parameters)
 
 
 def read_aliases(path: Path) -> dict[str, dict[str, tuple[str, str]]]:

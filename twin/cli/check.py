@@ -39,7 +39,7 @@ def command(
     stability: bool,
     strict: bool,
 ) -> None:
-    """Check scenario files: keys, units, names, times, connections.
+    """Check scenario and study files: keys, units, names, times, connections; of a study also factors and bounds.
 
     Each problem is one line, `file:line: what is wrong and what to do`. Components are translated to C, but nothing is
     compiled or simulated. Modules of components and analyses are imported, which executes their code: use --no-import
@@ -86,6 +86,8 @@ def check_file(
     """Return the problems of a file and, if there are none, its extent. `build`: of the C of components; None: not translated."""
     from twin import scenario as scenarios
 
+    if is_study(file):
+        return check_study(file)
     try:
         scenario, problems = scenarios.lint(file, overrides, imports=imports)
         if hardware is not None and not problems:
@@ -97,6 +99,28 @@ def check_file(
     except ScenarioError as error:
         return error.problems, ""
     return problems, describe_extent(scenario)
+
+
+def is_study(file: str) -> bool:
+    """Whether a file has the key `scenario` of a study, or a name is of a study only."""
+    from twin.scenario import read, scenario_paths
+
+    path = Path(file)
+    if path.suffix in (".yaml", ".yml") and path.is_file():
+        with suppress(ScenarioError):
+            return "scenario" in read(path, file, []).plain()
+    return file in scenario_paths.scenarios("study") and file not in scenario_paths.scenarios()
+
+
+def check_study(file: str) -> tuple[list[str], str]:
+    """Return the problems of a study file and, if there are none, its extent."""
+    from twin.cli.study import extent
+    from twin.study import load_study
+
+    try:
+        return [], extent(load_study(file))
+    except ScenarioError as error:
+        return error.problems, ""
 
 
 def check_rollback(scenario: ScenarioSpec) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from fnmatch import fnmatchcase
+from math import isfinite
 from pathlib import Path
 
 import click
@@ -11,7 +12,8 @@ import click
 from twin.cli.options import signal_option
 from twin.cli.terminal import make_table, open_console, say
 
-MAX_LISTED = 20  # signals without --all
+MAX_LISTED = 20  # signals, and other differences, without --all
+MAX_NAMES = 6  # names in a line without --all
 
 
 @click.command(name="compare")
@@ -26,13 +28,22 @@ MAX_LISTED = 20  # signals without --all
     help="Allowed difference of a signal, relative to its largest magnitude; 0: none.",
 )
 @signal_option
-@click.option("--all", "everything", is_flag=True, help=f"List all differing signals, not only {MAX_LISTED}.")
-def command(first: Path, second: Path, tolerance: float, patterns: tuple[str, ...], everything: bool) -> None:
+@click.option("--variant", "variants", multiple=True, metavar="NAME", help="Compare only this variant. Repeatable.")
+@click.option("--all", "everything", is_flag=True, help=f"List all differences, not only {MAX_LISTED}.")
+def command(
+    first: Path,
+    second: Path,
+    tolerance: float,
+    patterns: tuple[str, ...],
+    variants: tuple[str, ...],
+    everything: bool,
+) -> None:
     """Compare two runs: signals sample by sample, metrics, verdicts.
 
     Exit code 0 if nothing differs by more than the tolerance, else 1, so that a CI job can compare with a reference run.
 
-    Signals are sorted by time of first deviation; the first is the likeliest cause. Runs with different communication
+    The first line says whether the runs agree, the second what differs most. Signals are sorted by time of first deviation;
+    the first is the likeliest cause. Expectations are of all variants: --variant leaves them out. Runs with different communication
     steps are compared by interpolation, with a note.
 
     \b
@@ -47,11 +58,20 @@ def command(first: Path, second: Path, tolerance: float, patterns: tuple[str, ..
     for pattern in patterns:
         if not any(fnmatchcase(name, pattern) for run in runs for name in run.signals):
             raise TwinError(f"{pattern!r}: not recorded in either run. {nearest(pattern, runs[0].signals)}")
-    comparison = compare_runs((runs[0].folder, runs[1].folder), (runs[0].summary, runs[1].summary), tolerance, patterns)
+    folders, summaries = (runs[0].folder, runs[1].folder), (runs[0].summary, runs[1].summary)
+    comparison = compare_runs(folders, summaries, tolerance, patterns, variants)
+    say(comparison.headline)
+    if (most := comparison.largest) is not None:
+        by = f"{most.text}, {most.part:.2g} of its largest magnitude" if isfinite(most.part) else most.text
+        say(f"Most: {most.name} of {most.variant}, seed {most.seed}: {by}.")
     for note in comparison.notes:
         say(f"note: {note}")
-    for problem in comparison.problems:
+    for entry in comparison.missing:
+        say(entry.text(len(entry.names) if everything else MAX_NAMES))
+    for problem in comparison.problems[: None if everything else MAX_LISTED]:
         say(problem)
+    if len(comparison.problems) > MAX_LISTED and not everything:
+        say(f"and {len(comparison.problems) - MAX_LISTED} more: use --all")
     differing = comparison.differing
     if differing:
         from rich.text import Text
@@ -64,10 +84,5 @@ def command(first: Path, second: Path, tolerance: float, patterns: tuple[str, ..
         open_console().print(table)
         if len(differing) > MAX_LISTED and not everything:
             say(f"and {len(differing) - MAX_LISTED} more: use --all")
-    within = len(comparison.signals) - comparison.identical_count - len(differing)
-    say(
-        f"{len(comparison.signals)} signals: {comparison.identical_count} equal to the bit, {within} within {tolerance:g}, "
-        f"{len(differing)} above. {'The runs agree.' if comparison.agrees else 'The runs differ.'}"
-    )
     if not comparison.agrees:
         sys.exit(1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import sys
 import time
@@ -13,12 +14,12 @@ import click
 from twin.cli import completion
 from twin.cli.options import build_option, no_report_option, runs_option, timeout_option
 from twin.cli.progress import ProgressBar
-from twin.cli.terminal import make_table, open_console, say, show_text
+from twin.cli.terminal import make_table, open_console, say, show_elapsed, show_text
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from twin.study import Answers, StudyOutcome, StudyProgress
+    from twin.study import Answers, Study, StudyOutcome, StudyProgress, TimeEstimate
 
 LINE_INTERVAL = 10.0  # between two progress lines without a bar [s]
 MAX_FAILURES = 8  # groups of failed cases that are listed
@@ -40,6 +41,7 @@ MAX_FAILURES = 8  # groups of failed cases that are listed
     help="Use a dask scheduler, e.g. tcp://host:8786, instead of own processes.",
 )
 @click.option("--resume", is_flag=True, help="Continue the newest run of this study.")
+@click.option("--check", "check_only", is_flag=True, help="Validate the study, run few cases and estimate its time.")
 @timeout_option("Time limit of a case [s].  [default: 20 times the longest, at least 60]")
 @click.option(
     "--memory",
@@ -56,6 +58,7 @@ def command(
     workers: int,
     scheduler: str,
     resume: bool,
+    check_only: bool,
     timeout: float,
     memory: float,
     runs: Path,
@@ -68,13 +71,24 @@ def command(
 
     Ctrl-C keeps the completed cases; --resume continues. Exit code 1 if a case did not finish, 130 after Ctrl-C.
 
+    --check writes nothing: it reports all mistakes of the file at once, builds the members and runs three cases of each
+    variant. `twin check STUDY` compiles and runs nothing.
+
     \b
+    twin study thousand_patients --check
     twin study thousand_patients
     twin run --case thousand_patients:713     repeat one case, with all signals
     """
     from twin.study import Answers, latest, load_study, run_study
 
     study = load_study(file)
+    if check_only:
+        from twin.study import estimate_time
+
+        with show_elapsed("running three cases of each variant"):
+            estimate = estimate_time(study, build=build, workers=workers)
+        show_estimate(study, estimate)
+        sys.exit(1 if estimate.failures else 0)
     folder = latest(runs, study.name) if resume else None
     with StudyDisplay(study.title) as display:
         outcome = run_study(
@@ -122,11 +136,49 @@ class StudyDisplay(ProgressBar):
 
 def progress_text(progress: StudyProgress) -> str:
     """Return `sample: 713 of 4000, 9.1 per second, 6 min left, 2 failed`."""
-    left = f"{progress.left:.0f} s" if progress.left < 90 else f"{progress.left / 60:.0f} min"
-    return (
-        f"{progress.part.partition(' ')[0]}: {progress.done} of {progress.count}, {progress.rate:.3g} per second, "
-        f"{left} left, {progress.failed} failed"
+    done = f"{progress.part.partition(' ')[0]}: {progress.done} of {progress.count}, "
+    failed = f"{progress.failed} failed"
+    if progress.done >= progress.count:
+        return f"{done}{failed}; tables and report follow"
+    if not math.isfinite(progress.left):
+        return f"{done}{failed}"
+    return f"{done}{progress.rate:.3g} per second, {duration(progress.left)} left, {failed}"
+
+
+def duration(seconds: float) -> str:
+    """Return `89 s`, `12 min` or `2.5 h`."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
+def show_estimate(study: Study, estimate: TimeEstimate) -> None:
+    """Print the extent of a study and what it will take."""
+    say(extent(study))
+    table = make_table("variant", "cases", "time of a case", left=1)
+    for variant, count in estimate.counts.items():
+        table.add_row(variant, f"{count:,}", f"{estimate.seconds[variant]:.3g} s")
+    open_console().print(table)
+    for why in estimate.failures:
+        say(f"did not finish: {why}")
+    processes = f"{estimate.workers} process{'es' * (estimate.workers > 1)}"
+    say(
+        f"About {duration(estimate.total)} with {processes}, of which {duration(estimate.preparation)} to begin; "
+        "the report and cases that are kept come on top."
     )
+
+
+def extent(study: Study) -> str:
+    """Return `4,000 cases (1,000 samples x 4 variants), 400 more of worst case and tuning; 17 factors, sobol`."""
+    from twin.study import searched_cases
+
+    samples, variants, seeds = len(study.design.values), len(study.variants), len(study.seeds(1))
+    parts = [f"{samples:,} sample{'s' * (samples > 1)}"]
+    parts += [f"{count} {word}s" for count, word in ((variants, "variant"), (seeds, "seed")) if count > 1]
+    searched = sum(searched_cases(study).values())
+    more = f", {searched:,} more of worst case and tuning" if searched else ""
+    method = study.design.method.replace("_", " ")
+    return f"{study.count:,} cases ({' x '.join(parts)}){more}; {len(study.factors)} factors, {method}"
 
 
 def show(outcome: StudyOutcome, answers: Answers) -> None:

@@ -18,6 +18,11 @@ if TYPE_CHECKING:
     from twin.component import Component
     from twin.process import CrashReport
 
+SCOPE = (
+    "Checked: source, units, texts; all forms agree with expected.csv to the bit.",
+    "Physics is not judged: write a scenario with expectations (`expect:`).",
+)
+
 
 @click.command(name="test")
 @click.argument("names", nargs=-1)
@@ -28,6 +33,8 @@ def command(names: tuple[str, ...], build: Path, timeout: float) -> None:
 
     Checks cover source, documentation and outputs, and that the interpreted, compiled, FMI 2.0 and FMI 3.0 forms all
     reproduce expected.csv to the bit. After an intended change of behavior, record it again with `twin reference NAME`.
+
+    Whether the physics is right is not checked: state it as expectations of a scenario.
     """
     link = supervise(timeout)
     from twin.component import catalog
@@ -58,6 +65,8 @@ def command(names: tuple[str, ...], build: Path, timeout: float) -> None:
         report(name, lines.values())
     if failed:
         raise TwinError(f"{failed} component{'s' * (failed > 1)} failed.")
+    for line in SCOPE:
+        say(line)
 
 
 def report(name: str, lines: Collection[str]) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 
 from twin.component import symbols
 from twin.errors import CouplingError
+from twin.files import split_unit
 
 BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")  # the order in which FMI lists exponents
 NAMES = {"kilogram": 0, "meter": 1, "second": 2, "ampere": 3, "kelvin": 4, "mole": 5, "candela": 6, "radian": 7}
@@ -84,6 +85,7 @@ UNSTABLE = frozenset(
 )
 PRODUCT = re.compile(rf"(?<=[{LETTER})\d])[.·](?=[{LETTER}(])")  # `N.m`, which pint knows up to 0.25
 SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+IN_PARENTHESES = re.compile(r"(.*\S)\s*\(\s*([^()]+?)\s*\)")  # `tip (mm)`
 ATTACHED = re.compile(rf"(?<=[{LETTER}])([+-]?\d)(?![\w.])")  # `m2`, `s-1`: so Modelica writes powers
 
 
@@ -140,6 +142,18 @@ def describe(unit: str) -> Unit:
     if not SMALLEST < described.factor < 1.0 / SMALLEST:
         raise CouplingError(f"unit {short(unit)} has no size that can be computed with. {ADVICE}")
     return Unit(round_trip(described.factor), described.offset, described.exponents)
+
+
+def split_header(name: str) -> tuple[str, str]:
+    """Split the header of a column into name and unit: `tip [mm]`, or `tip (mm)` if that is a unit; else "" as unit."""
+    base, symbol = split_unit(name)
+    if symbol or not (matched := IN_PARENTHESES.fullmatch(name)):
+        return base, symbol
+    try:
+        describe(matched[2])
+    except CouplingError:
+        return name, ""
+    return matched[1], matched[2]
 
 
 def read(unit: str) -> Unit:

@@ -31,7 +31,12 @@ def run(
 ) -> Run:
     """Run a scenario, by its path or the name of a shipped one, with changed `values`; ScenarioError with all `problems`.
 
-    `values`: by name, as of `Scenario.set`: `{"heart.rate": "1.4 Hz"}`. All else as of `Scenario.run`.
+        run = twin.run("heart_wall_force", "PI", values={"heart.rate": "1.4 Hz"})
+        run.metrics; run["sensor.measured_force"]
+
+    `values`: by name, as of `Scenario.set`. `variants`, `seeds`: all of the scenario by default. `progress`: True for a bar,
+    or a callback. `report`: whether report.html is written. `out`: folder of the run folders, `build`: of compiled FMUs.
+    `backend`: fmu, compiled or interpreted. `checkpoint`: simulated time [s] between checkpoints; 0: none.
     """
     return with_values(scenario, values).run(
         variants,

@@ -32,14 +32,14 @@ from twin.results.recording.signals import Signals, Window, format_value, si_con
 from twin.results.recording.stream import Journal, RunRecording, column_from_dict, column_to_dict, find_unfinished_runs
 
 if TYPE_CHECKING:
-    from twin.results import calibration, figure_files, plotting
+    from twin.results import calibration, calibration_report, figure_files, plotting
     from twin.results.comparison import compare_runs
     from twin.results.exporters import export
     from twin.results.plotting import histogram
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
-    submodules=["calibration", "figure_files", "plotting"],
+    submodules=["calibration", "calibration_report", "figure_files", "plotting"],
     submod_attrs={"comparison": ["compare_runs"], "exporters": ["export"], "plotting": ["histogram"]},
 )
 
@@ -64,6 +64,7 @@ __all__ = [
     "Violation",
     "Window",
     "calibration",
+    "calibration_report",
     "check_sentence",
     "column_from_dict",
     "column_to_dict",

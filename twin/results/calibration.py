@@ -3,23 +3,26 @@
 A module `calibrate` next to the component's `model` defines what can be calibrated:
 
     TABLES                  table -> column -> meaning
+    STROKES                 column -> largest range of its values on the rig
     calibrate(tables)       tables of arrays -> (parameters of the component, fits by name)
+    standard_errors(fits)   fits -> standard errors, by the same names as the parameters
 
-A fit has `coefficients`, `r_squared` and `residual`. `calibrate` raises TwinError with one line for invalid data.
+`calibrate` raises TwinError with one line for invalid data. A fit has `coefficients` and `errors`, `used` of `rows`,
+`measured` and `predicted`, and in words `residual`, `span`, `noise` and `r_squared`, which `calibration_report` explains.
 """
 
 from __future__ import annotations
 
 import importlib
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import yaml
 
 from twin.component import unit
 from twin.errors import CouplingError, TwinError, nearest
-from twin.files import read_csv, split_unit
+from twin.files import read_csv
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -30,7 +33,18 @@ if TYPE_CHECKING:
 
     Table = dict[str, np.ndarray[Any, Any]]
 
-POOR_FIT = 0.9  # R2 below which a fit is reported
+SMALL, LARGE = 0.25, 1.2  # range of a column over the rig's stroke, beyond which its unit is doubted
+OTHER_UNITS = {"in": 25.4, "cm": 10.0, "m": 1e3, "um": 1e-3}  # [mm] that files hold without saying so
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Result of a calibration: `parameters` with standard `errors` by the same names, `fits` by name, `hints` on units."""
+
+    parameters: dict[str, Any]
+    errors: dict[str, Any]
+    fits: dict[str, Any]
+    hints: list[str]
 
 
 def calibration_module(cls: type[Component], shown: str) -> ModuleType:
@@ -53,11 +67,13 @@ def read_rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
 def read_table(path: Path, columns: Mapping[str, str], aliases: Mapping[str, tuple[str, str]]) -> Table:
     """Read columns of a CSV file with a header, converted to their own units. A TwinError names file and line.
 
-    `aliases`: column -> its name and unit in the file; without, the column's own name and the unit in its header.
-    A name may leave out the unit of the header.
+    `aliases`: column -> its name and unit in the file; without, the column's own name and the unit in its header,
+    `handle [in]` or `handle (in)`. A name may leave out the unit of the header; a column `handle_mm` is also found as
+    `handle` if the header has a unit.
     """
     header, rows = read_rows(path)
-    full_names = {split_unit(name)[0]: name for name in header} | {name: name for name in header}
+    full_names = {f"{base}_mm": name for name in header for base, symbol in [unit.split_header(name)] if symbol}
+    full_names |= {unit.split_header(name)[0]: name for name in header} | {name: name for name in header}
     names = {column: aliases.get(column, ("", ""))[0] or column for column in columns}
     names = {column: full_names.get(name, name) for column, name in names.items()}
     missing = [name for name in names.values() if name not in header]
@@ -73,7 +89,7 @@ def read_table(path: Path, columns: Mapping[str, str], aliases: Mapping[str, tup
     for column, name in names.items():
         index = header.index(name)
         values = [parse_cell(row, index, header, f"{path}:{number}") for number, row in rows]
-        symbol = aliases.get(column, ("", ""))[1] or split_unit(name)[1]
+        symbol = aliases.get(column, ("", ""))[1] or unit.split_header(name)[1]
         try:
             factor, offset = unit.conversion(symbol, unit_of(column), name) if symbol else (1.0, 0.0)
         except CouplingError as error:
@@ -105,8 +121,8 @@ def calibrate(
     shown: str,
     files: Mapping[str, Path],
     aliases: Mapping[str, Mapping[str, tuple[str, str]]],
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Determine parameters from the measurements in files; return them and the fits.
+) -> Calibration:
+    """Determine parameters from the measurements in files.
 
     `aliases`: table -> column -> its name and unit in the file.
     """
@@ -125,29 +141,23 @@ def calibrate(
     parameters, fits = module.calibrate(tables)
     names = {variable.name for variable in cls.variables}
     assert names.issuperset(parameters), f"{shown}: calibrate gave {set(parameters) - names}"
-    return parameters, fits
-
-
-def quality(fit: Any) -> str:
-    """Return in words how well a fit fits."""
-    share = "" if math.isnan(fit.r_squared) else f"R2 {fit.r_squared:.4f}, "
-    return f"{share}residual {fit.residual:.3g}, {len(fit.used)} measurements"
-
-
-def warnings(fits: Mapping[str, Any]) -> list[str]:
-    """Return a sentence for each fit that explains too little of its measurements."""
-    return [
-        f"warning: {name}: R2 {fit.r_squared:.2f} is below {POOR_FIT}. Check columns, units and order of its measurements."
-        for name, fit in fits.items()
-        if fit.r_squared < POOR_FIT
+    hints = [
+        hint
+        for name, table in tables.items()
+        for column, values in table.items()
+        if column in module.STROKES
+        for hint in stroke_hints(f"{name}.{column}", values, module.STROKES[column])
     ]
+    return Calibration(parameters, module.standard_errors(fits), fits, hints)
 
 
-def to_yaml(shown: str, files: Mapping[str, Path], parameters: Mapping[str, Any], fits: Mapping[str, Any]) -> str:
-    """Format as YAML: `parameters` as in a scenario's member, quality of each fit as a comment."""
-    lines = [f"# {shown}, calibrated from {', '.join(f'{name}={path.name}' for name, path in files.items())}"]
-    for name, fit in fits.items():
-        lines.append(f"# {name}: {quality(fit)}")
-    lines += [f"# {text}" for text in warnings(fits)]
-    body = yaml.safe_dump({"parameters": dict(parameters)}, sort_keys=False, default_flow_style=None, width=110)
-    return "\n".join(lines) + "\n" + body
+def stroke_hints(column: str, values: np.ndarray[Any, Any], stroke: float) -> list[str]:
+    """Return a sentence if the range of a column [mm] is much smaller or larger than the rig's stroke [mm]."""
+    span = float(np.ptp(values))
+    if SMALL <= span / stroke <= LARGE:
+        return []
+    others = [symbol for symbol, factor in OTHER_UNITS.items() if SMALL <= span * factor / stroke <= LARGE]
+    symbol = min(others, key=lambda other: abs(math.log(span * OTHER_UNITS[other] / stroke)), default="")
+    name = column.rpartition(".")[2].removesuffix("_mm")
+    likely = f" With the header `{name} [{symbol}]` it spans {span * OTHER_UNITS[symbol]:.3g} mm." if symbol else ""
+    return [f"{column} spans {span:.3g} mm, the rig's stroke is {stroke:g} mm. Check its unit.{likely}"]

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.errors import CouplingError
+from twin.errors import CouplingError, TwinError, nearest
 from twin.results.recording.run_folder import RecordedVariable
 from twin.results.recording.signal_reader import list_recorded_variables, read_variables
 from twin.results.recording.signals import format_value, si_conversion
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from twin.results.recording.signals import Signals
@@ -46,13 +46,35 @@ class Difference:
 
 
 @dataclass(frozen=True)
+class Missing:
+    """Entries of a kind, such as `signal`, that only the `first` or the `second` run has; `of`: the case, if not of all."""
+
+    kind: str
+    run: str
+    names: tuple[str, ...]
+    of: str = ""
+
+    def text(self, limit: int) -> str:
+        """`14 signals only in the first run: a, b, c and 11 more`; with at most `limit` names."""
+        more = f" and {len(self.names) - limit} more" if len(self.names) > limit else ""
+        where = f" of {self.of}" if self.of else ""
+        return f"{self.count}{where} only in the {self.run} run: {', '.join(self.names[:limit])}{more}"
+
+    @property
+    def count(self) -> str:
+        """`14 signals`."""
+        return f"{len(self.names)} {self.kind}{'s' * (len(self.names) > 1)}"
+
+
+@dataclass(frozen=True)
 class Comparison:
-    """Result of a comparison. `signals`: in both runs; `problems`: missing in one, or different; `notes`: remarks."""
+    """Result of a comparison. `signals`: in both runs; `problems`: different otherwise; `missing`: in one run only."""
 
     signals: tuple[Difference, ...]
     problems: tuple[str, ...]
     notes: tuple[str, ...]
     tolerance: float
+    missing: tuple[Missing, ...] = ()
 
     @property
     def differing(self) -> list[Difference]:
@@ -77,7 +99,25 @@ class Comparison:
     @property
     def agrees(self) -> bool:
         """Whether nothing differs by more than the tolerance."""
-        return not self.problems and not self.differing
+        return not self.problems and not self.differing and not self.missing
+
+    @property
+    def headline(self) -> str:
+        """Whether the runs agree, and in how much they differ."""
+        count, differing, equal = len(self.signals), len(self.differing), self.identical_count
+        within = f"{equal} equal to the bit, {count - equal - differing} within {self.tolerance:g}"
+        if self.agrees:
+            return f"The runs agree: {count} signals, {within}."
+        parts = [f"{differing} of {count} signals ({within})"]
+        if self.problems:
+            parts.append(f"{len(self.problems)} other difference{'s' * (len(self.problems) > 1)}")
+        parts += [f"{entry.count} only in the {entry.run}" for entry in self.missing]
+        return f"The runs differ: {', '.join(parts)}."
+
+    @property
+    def largest(self) -> Difference | None:
+        """The difference that is largest relative to its signal; None if all are within the tolerance."""
+        return max(self.differing, key=lambda difference: difference.part, default=None)
 
 
 def compare_runs(
@@ -85,31 +125,33 @@ def compare_runs(
     summaries: tuple[Mapping[str, Any], Mapping[str, Any]],
     tolerance: float,
     patterns: Sequence[str] = (),
+    variants: Sequence[str] = (),
 ) -> Comparison:
-    """Compare two runs. `patterns`: signals to compare, such as `heart.*`; all if there are none.
+    """Compare two runs. `patterns`: signals to compare, such as `heart.*`; `variants`: their cases; all if there are none.
 
-    Where times differ, the second run is interpolated at the times of the first.
+    Where times differ, the second run is interpolated at the times of the first. Status and expectations, which are of a
+    whole run, are compared without `patterns` and `variants`. TwinError for a variant that neither run has.
     """
+    all_variants = {entry["variant"]: None for summary in summaries for entry in summary["cases"]}
+    if unknown := [name for name in variants if name not in all_variants]:
+        raise TwinError(f"{unknown[0]!r}: neither run has this variant. {nearest(unknown[0], all_variants)}")
     paths = (folders[0] / "signals.parquet", folders[1] / "signals.parquet")
     first, second = (
         {name: entry for name, entry in list_recorded_variables(path).items() if is_selected(name, patterns)}
         for path in paths
     )
-    problems = [
-        *list_missing("signal", first, second),
-        *compare_summaries(*summaries, tolerance, everything=not patterns),
-    ]
+    problems, missing = compare_summaries(*summaries, tolerance, metrics=not patterns, variants=variants)
     notes: dict[str, None] = {}
     differences: list[Difference] = []
-    common = [name for name in first if name in second]
+    recorded: tuple[dict[str, list[str]], ...] = ({}, {})  # signals by case, in cases of both runs
     samples = max((sum(entry["samples"] for entry in summary["cases"]) for summary in summaries), default=0)
-    for names in batches(common, first, samples):
+    for names in batches([*first, *(name for name in second if name not in first)], first | second, samples):
         read = [
-            read_variables(path, [own[name] for name in names])
+            read_variables(path, [own[name] for name in names if name in own])
             for path, own in zip(paths, (first, second), strict=True)
         ]
         for case in read[0]:
-            if case not in read[1]:
+            if case not in read[1] or (variants and case[0] not in variants):
                 continue
             a, b = read[0][case], read[1][case]
             where = f"{case[0]}, seed {case[1]}"
@@ -119,12 +161,28 @@ def compare_runs(
                     problem := f"{where}: {entry}"
                 ) not in problems:
                     problems.append(problem)
-            for name in names:
-                if (name in a.values) is not (name in b.values):
-                    problems.append(f"{name} of {where}: is recorded in one run only.")
-                elif name in a.values:
-                    differences.append(largest_difference(name, case, a, b, tolerance))
-    return Comparison(tuple(differences), tuple(problems), tuple(notes), tolerance)
+            for own, signals in zip(recorded, (a, b), strict=True):
+                own.setdefault(where, []).extend(name for name in names if name in signals.values)
+            differences += [
+                largest_difference(name, case, a, b, tolerance)
+                for name in names
+                if name in a.values and name in b.values
+            ]
+    return Comparison(
+        tuple(differences), tuple(problems), tuple(notes), tolerance, (*missing, *missing_signals(*recorded))
+    )
+
+
+def missing_signals(first: Mapping[str, Sequence[str]], second: Mapping[str, Sequence[str]]) -> list[Missing]:
+    """Return the signals that only one run recorded, from those of each case: once for cases in which they are the same."""
+    cases: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    for case in first:
+        for entry in list_missing("signal", first[case], second[case]):
+            cases.setdefault((entry.run, entry.names), []).append(case)
+    return [
+        Missing("signal", run, names, "" if len(own) == len(first) else " and ".join(own))
+        for (run, names), own in cases.items()
+    ]
 
 
 def is_selected(name: str, patterns: Sequence[str]) -> bool:
@@ -144,13 +202,13 @@ def batches(names: Sequence[str], variables: Mapping[str, RecordedVariable], sam
         yield group
 
 
-def list_missing(what: str, first: Mapping[Any, Any], second: Mapping[Any, Any]) -> list[str]:
-    """List the entries of only one run."""
+def list_missing(kind: str, first: Iterable[str], second: Iterable[str]) -> list[Missing]:
+    """Return the entries of only one run, for each run that has any."""
+    names_first, names_second = list(first), list(second)
     return [
-        f"{what} {name}: is only in the {run} run."
-        for names, other, run in ((first, second, "first"), (second, first, "second"))
-        for name in names
-        if name not in other
+        Missing(kind, run, names)
+        for own, other, run in ((names_first, names_second, "first"), (names_second, names_first, "second"))
+        if (names := tuple(name for name in own if name not in other))
     ]
 
 
@@ -222,40 +280,66 @@ def resample(time: Any, own_times: Any, values: Any, is_real: bool) -> Any:
 
 
 def compare_summaries(
-    first: Mapping[str, Any], second: Mapping[str, Any], tolerance: float, *, everything: bool
-) -> list[str]:
-    """List the differences in cases, status, metrics and verdicts."""
+    first: Mapping[str, Any],
+    second: Mapping[str, Any],
+    tolerance: float,
+    *,
+    metrics: bool,
+    variants: Sequence[str],
+) -> tuple[list[str], list[Missing]]:
+    """List the differences in cases and, with `metrics`, in metrics, status and verdicts; the latter two of all variants."""
     cases = [
-        {f"{entry['variant']}, seed {entry['seed']}": entry for entry in summary["cases"]}
+        [
+            (entry["variant"], str(entry["seed"]))
+            for entry in summary["cases"]
+            if not variants or entry["variant"] in variants
+        ]
         for summary in (first, second)
     ]
-    problems = list_missing("case", *cases)
-    if not everything:
-        return problems
+    missing = list_missing("case", *([f"{variant}, seed {seed}" for variant, seed in own] for own in cases))
+    if not metrics:
+        return [], missing
+    problems = []
+    missing += list_missing("metric", first["metrics"], second["metrics"])
+    common = [case for case in cases[0] if case in cases[1]]
+    for name, metric in first["metrics"].items():
+        if name in second["metrics"]:
+            problems += metric_problems(name, metric, second["metrics"][name], common, tolerance)
+    if variants:
+        return problems, missing
     if first["status"] != second["status"]:
-        problems.append(f"status: {first['status']} and {second['status']}.")
-    metrics = [
-        {
-            f"{name} of {variant}, seed {seed}": (value, metric["unit"])
-            for name, metric in summary["metrics"].items()
-            for variant, entry in metric["variants"].items()
-            for seed, value in entry["values"].items()
-        }
-        for summary in (first, second)
-    ]
-    problems += list_missing("metric", *metrics)
-    for name, (value, unit) in metrics[0].items():
-        other, other_unit = metrics[1].get(name, (value, unit))
-        if unit != other_unit or not is_close(value, other, tolerance):
-            problems.append(f"metric {name}: {value} {unit} and {other} {other_unit}.")
+        problems.insert(0, f"status: {first['status']} and {second['status']}.")
     outcomes = [{entry["name"]: entry["verdict"] for entry in summary["expectations"]} for summary in (first, second)]
-    problems += list_missing("expectation", *outcomes)
+    missing += list_missing("expectation", *outcomes)
     problems += [
         f"expectation {name}: {verdict} and {outcomes[1][name]}."
         for name, verdict in outcomes[0].items()
         if outcomes[1].get(name, verdict) != verdict
     ]
-    return problems
+    return problems, missing
+
+
+def metric_problems(
+    name: str, first: Mapping[str, Any], second: Mapping[str, Any], cases: Sequence[tuple[str, str]], tolerance: float
+) -> list[str]:
+    """Return a line about a metric that differs: the case where it differs most, and in how many others it does."""
+    different = []
+    for variant, seed in cases:
+        a, b = (entry["variants"].get(variant, {}).get("values", {}).get(seed) for entry in (first, second))
+        if first["unit"] != second["unit"] or not is_close(a, b, tolerance):
+            part = abs(a - b) / (max(abs(a), abs(b)) or 1.0) if a is not None and b is not None else np.inf
+            different.append((part, f"{variant}, seed {seed}", a, b))
+    if not different:
+        return []
+    _, where, a, b = max(different, key=lambda entry: entry[0])
+    digits = 6 if a is None or b is None or f"{a:.6g}" != f"{b:.6g}" else 17
+    texts = " and ".join(
+        "no value" if value is None else f"{value:.{digits}g} {entry['unit']}".rstrip()
+        for value, entry in ((a, first), (b, second))
+    )
+    count = len(different) - 1
+    more = f"; also in {count} other case{'s' * (count > 1)}" if count else ""
+    return [f"metric {name} of {where}: {texts}{more}."]
 
 
 def is_close(first: float | None, second: float | None, tolerance: float) -> bool:

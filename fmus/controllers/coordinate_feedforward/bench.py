@@ -208,7 +208,7 @@ def coupling(number: Values, wire: Values, handle: Values, y: Values, z: Values)
     pull = slide(wire[at])
     table = {"pull_mm": pull, "handle_mm": slide(handle[at]), "y_mm": y[at] / MILLIMETER, "z_mm": z[at] / MILLIMETER}
     bends = {
-        name: calibrate.Fit(c, 1.0, 0.0, at, at)
+        name: calibrate.Fit(c, 1.0, 0.0, at, y[at], y[at], (0.0,) * len(c), len(at), float(np.ptp(y[at])))
         for name, c in (
             ("bend_y", injection.BEND_Y),
             ("bend_z", injection.BEND_Z),

@@ -6,7 +6,7 @@ one reading per row, in the order in which they were taken: directions are told 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -43,6 +43,9 @@ TABLES = {
     },
 }
 
+# largest value of a column on a rig like the paper's [mm]; pull and handle: its eqs. (4) and (6); needle: its Fig. 9
+STROKES = {"handle_mm": COUPLING_TRAVEL, "tip_mm": COUPLING_TRAVEL, "pull_mm": 9.0, "needle_mm": 11.5}
+
 STILL = 0.15  # deflection [mm] that counts as none
 CLEAR = 1.6  # a move is surely beyond the play if it is longer than the reversal's offset by this factor
 BEYOND = 1.25  # a reading is counted as beyond it, where few readings are left
@@ -50,21 +53,31 @@ BEYOND = 1.25  # a reading is counted as beyond it, where few readings are left
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted form: coefficients in the paper's order, how well they fit, and the readings that were used."""
+    """A fitted form: coefficients in the paper's order, how well they fit, and the readings that were used.
+
+    `errors`: standard error of each coefficient, for independent errors of the readings. `span` [mm]: range of the
+    motion that the form predicts. `noise` [mm]: standard deviation of repeated readings. NaN where the readings do not
+    tell.
+    """
 
     coefficients: tuple[float, ...]
     r_squared: float
     residual: float  # root mean square [mm]
     used: Values = field(repr=False)  # index of the readings
     predicted: Values = field(repr=False)  # at these readings
+    measured: Values = field(repr=False)  # at these readings
+    errors: tuple[float, ...]
+    rows: int  # of the table
+    span: float
+    noise: float = float("nan")
 
 
 class CalibrationError(TwinError):
     """Readings that do not determine the constants; a one-line message."""
 
 
-def least_squares(terms: list[Values], values: Values, used: Values, what: str) -> Fit:
-    """Coefficients of terms, each an array over the readings that are used."""
+def least_squares(terms: list[Values], values: Values, used: Values, what: str, motion: Values) -> Fit:
+    """Coefficients of terms, each an array over the readings that are used. `motion`: all readings of what moves [mm]."""
     matrix = np.column_stack(terms)
     scale = np.abs(matrix).max(axis=0) if len(matrix) else np.ones(matrix.shape[1])
     if len(matrix) <= matrix.shape[1] or np.linalg.matrix_rank(matrix / np.where(scale > 0, scale, 1.0)) < len(terms):
@@ -76,7 +89,31 @@ def least_squares(terms: list[Values], values: Values, used: Values, what: str) 
     error = values - predicted
     spread = float(np.sum((values - values.mean()) ** 2))
     r_squared = 1.0 - float(np.sum(error**2)) / spread if spread > 0 else float("nan")
-    return Fit(tuple(map(float, solution)), r_squared, float(np.sqrt(np.mean(error**2))), used, predicted)
+    variance = float(np.sum(error**2)) / (len(values) - len(terms))
+    errors = np.sqrt(variance * np.diag(np.linalg.pinv((matrix / scale).T @ (matrix / scale)))) / scale
+    return Fit(
+        tuple(map(float, solution)),
+        r_squared,
+        float(np.sqrt(np.mean(error**2))),
+        used,
+        predicted,
+        values,
+        tuple(map(float, errors)),
+        len(motion),
+        float(np.ptp(motion)),
+        repeat_deviation(matrix, values),
+    )
+
+
+def repeat_deviation(matrix: Values, values: Values) -> float:
+    """Standard deviation of values with equal terms, pooled; NaN with fewer than 3 degrees of freedom."""
+    _, group = np.unique(np.round(matrix, 6), axis=0, return_inverse=True)
+    count = np.bincount(group.ravel())
+    freedom = len(values) - len(count)
+    if freedom < 3:
+        return float("nan")
+    means = np.bincount(group.ravel(), values) / count
+    return float(np.sqrt(np.sum((values - means[group.ravel()]) ** 2) / freedom))
 
 
 def two_variables(degree: int, a: Values, z: Values) -> list[Values]:
@@ -92,9 +129,10 @@ def fit_steppers(table: Mapping[str, Values]) -> dict[str, Fit]:
         raise CalibrationError(f"steppers: {len(used)} moves with steps. Take at least 2, in both directions.")
     per_revolution = distance[used] / steps[used] * 1600.0
     lead = float(np.mean(per_revolution))
-    return {
-        "lead": Fit((lead,), float("nan"), float(np.std(per_revolution, ddof=1)), used, steps[used] * lead / 1600.0)
-    }
+    deviation = float(np.std(per_revolution, ddof=1))
+    predicted, error = steps[used] * lead / 1600.0, deviation / float(np.sqrt(len(used)))
+    span = float(np.ptp(distance))
+    return {"lead": Fit((lead,), float("nan"), deviation, used, predicted, distance[used], (error,), len(steps), span)}
 
 
 def fit_linear(table: Mapping[str, Values]) -> dict[str, Fit]:
@@ -117,10 +155,11 @@ def fit_linear(table: Mapping[str, Values]) -> dict[str, Fit]:
     ready[1:] = clear[:-1]
     changed = np.flatnonzero(reversal & clear & ready)
     same = np.flatnonzero(~reversal & ready & (travel > 0))
+    motion = table["tip_mm"]
     undershoot = least_squares(
-        [travel[changed], np.ones(len(changed))], -difference[changed], changed + 1, "linear, reversals"
+        [travel[changed], np.ones(len(changed))], -difference[changed], changed + 1, "linear, reversals", motion
     )
-    overshoot = least_squares([travel[same]], difference[same], same + 1, "linear, same direction")
+    overshoot = least_squares([travel[same]], difference[same], same + 1, "linear, same direction", motion)
     return {"reversal": undershoot, "same_direction": overshoot}
 
 
@@ -133,16 +172,21 @@ def fit_deflection(table: Mapping[str, Values]) -> dict[str, Fit]:
     dead = float(pull[np.abs(y) <= STILL].max())
     used = np.flatnonzero(pull > dead + 0.5 * INCREMENT)
     a = pull[used]
-    fit_y = least_squares([a, a**2, a**3], y[used], used, "deflection, y")
-    fit_z = least_squares([np.ones(len(a)), a, a**2, a**3], z[used], used, "deflection, z")
+    fit_y = least_squares([a, a**2, a**3], y[used], used, "deflection, y", y)
+    fit_z = least_squares([np.ones(len(a)), a, a**2, a**3], z[used], used, "deflection, z", z)
+    inside = np.flatnonzero(pull <= dead)
     band = Fit(
         (round(dead, 1),),
         float("nan"),
         float(np.std(y[np.abs(y) <= STILL])),
-        np.flatnonzero(pull <= dead),
-        y[pull <= dead],
+        inside,
+        np.zeros(len(inside)),
+        y[inside],
+        (float("nan"),),
+        len(y),
+        float(np.ptp(y)),
     )
-    padded = Fit((0.0, *fit_y.coefficients), fit_y.r_squared, fit_y.residual, fit_y.used, fit_y.predicted)
+    padded = replace(fit_y, coefficients=(0.0, *fit_y.coefficients), errors=(0.0, *fit_y.errors))
     return {"bend_y": padded, "bend_z": fit_z, "dead_band": band}
 
 
@@ -158,7 +202,7 @@ def fit_coupling(table: Mapping[str, Values], bends: Mapping[str, Fit], offset: 
     for name, branch, degree in (("compression", pushed, 5), ("tension", pulled, 3)):
         used = np.flatnonzero(branch & deflected)
         terms = two_variables(degree, pull[used], advance[used])
-        result[name] = least_squares(terms, shift[used], used, f"coupling, {name}")
+        result[name] = least_squares(terms, shift[used], used, f"coupling, {name}", table["y_mm"])
     return result
 
 
@@ -168,11 +212,14 @@ def fit_needle(table: Mapping[str, Values]) -> dict[str, Fit]:
     _, back = branches(slide, 0.0)
     out, _ = branches(slide, np.ptp(slide) / 3.0)  # the needle's play is well within a third of its stroke
     straight = np.flatnonzero(out & (pull <= pull.min() + DEAD_BAND * 0.5) & (length > 0))
-    forward = least_squares([slide[straight], np.ones(len(straight))], length[straight], straight, "needle, going out")
+    forward = least_squares(
+        [slide[straight], np.ones(len(straight))], length[straight], straight, "needle, going out", length
+    )
     bent = np.flatnonzero(out & (length > 0))
     added = length[bent] - polynomial((forward.coefficients[1], forward.coefficients[0]), slide[bent])
-    per_pull = least_squares([pull[bent]], added, bent, "needle, with the pull")
-    turn = float(slide.max())
+    per_pull = least_squares([pull[bent]], added, bent, "needle, with the pull", length)
+    turn, stroke = float(slide.max()), float(np.ptp(slide))
+    last = np.flatnonzero(slide == turn)
     longest = (
         polynomial((forward.coefficients[1], forward.coefficients[0]), np.array(turn)) + per_pull.coefficients[0] * pull
     )
@@ -182,8 +229,8 @@ def fit_needle(table: Mapping[str, Values]) -> dict[str, Fit]:
     return {
         "forward": forward,
         "per_pull": per_pull,
-        "retraction": least_squares(terms, slide[used], used, "needle, going in"),
-        "turn": Fit((turn,), float("nan"), 0.0, np.flatnonzero(slide == turn), slide[slide == turn]),
+        "retraction": least_squares(terms, slide[used], used, "needle, going in", slide),
+        "turn": Fit((turn,), float("nan"), 0.0, last, slide[last], slide[last], (float("nan"),), len(slide), stroke),
     }
 
 
@@ -246,3 +293,11 @@ def parameters(fits: Mapping[str, Fit]) -> dict[str, Any]:
         result["needle_back"] = list(fits["retraction"].coefficients)
         result["needle_turn"] = fits["turn"].coefficients[0]
     return result
+
+
+def standard_errors(fits: Mapping[str, Fit]) -> dict[str, Any]:
+    """Standard errors of `parameters`, by the same names and in the same units; NaN where the readings do not tell."""
+    errors = parameters({name: replace(fit, coefficients=fit.errors) for name, fit in fits.items()})
+    if "slope" in errors:  # mean of two independent slopes
+        errors["slope"] = 0.5 * float(np.hypot(fits["same_direction"].errors[0], fits["reversal"].errors[0]))
+    return errors

@@ -17,7 +17,6 @@ import numpy as np
 from twin import clock
 from twin.component import unit
 from twin.errors import CouplingError, TwinError, nearest
-from twin.files import split_unit
 from twin.identify import tables
 from twin.results import calibration, list_recorded_variables, read_variables
 
@@ -153,7 +152,7 @@ class RecordedFile:
             time, values, lines = self.times(self.matlab), self.matlab[column], np.zeros(0, np.int64)
         else:
             lines, time, values = self.trace(column) if self.is_trace else self.csv(column)
-        symbol = alias.unit if alias and alias.unit else symbol or split_unit(column)[1]
+        symbol = alias.unit if alias and alias.unit else symbol or unit.split_header(column)[1]
         column_data = Column(self.shown, column, symbol, time - clock.seconds(self.keys.start), values, lines)
         return checked(tables.cleaned(column_data, self.keys))
 
@@ -174,7 +173,7 @@ class RecordedFile:
                 )
             return self.keys.time
         for name in header:
-            if split_unit(name)[0].lower() in TIMES:
+            if unit.split_header(name)[0].lower() in TIMES:
                 return name
         raise TwinError(
             f"{self.shown}: has no column `time`. Say which one it is, such as time: {header[0]!r}, or how far its "
@@ -275,7 +274,7 @@ def located(path: Path, shown: str) -> Path:
 
 def seconds(name: str, shown: str) -> float:
     """Factor from the unit of a column of times to seconds."""
-    symbol = split_unit(name)[1] or "s"
+    symbol = unit.split_header(name)[1] or "s"
     try:
         return unit.conversion(symbol, "s", name)[0]
     except CouplingError:

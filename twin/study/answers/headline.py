@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from twin.study.answers.summary import percent
 
 if TYPE_CHECKING:
+    from twin.study.answers.paired import PairedDifference
     from twin.study.answers.sensitivity import MetricSensitivity
     from twin.study.answers.summary import Answers
 
@@ -29,6 +30,7 @@ def headline(answers: Answers) -> list[Sentence]:
     """Return the sentences, the most important first."""
     return [
         *pass_sentences(answers),
+        *pair_sentences(answers),
         *cause_sentences(answers),
         *change_sentences(answers),
         *failure_sentences(answers),
@@ -54,6 +56,26 @@ def pass_sentences(answers: Answers) -> list[Sentence]:
         number = rate.failing[0] if rate.failing else None
         sentences.append(Sentence(f"{text}; one that fails is case {number}." if rate.failing else f"{text}.", number))
     return sentences
+
+
+def pair_sentences(answers: Answers) -> list[Sentence]:
+    """Return the paired comparisons that the scenario expects an order of; without any, those of the first metric."""
+    pairs = [pair for pair in answers.pairs if pair.is_expected] or [
+        pair for pair in answers.pairs if pair.metric == answers.pairs[0].metric
+    ]
+    return [Sentence(pair_text(answers, pair)) for pair in pairs[:MAX_SENTENCES]]
+
+
+def pair_text(answers: Answers, pair: PairedDifference) -> str:
+    """Return `force_error of B is lower than of A in 93 of 100 samples, mean difference -4.1 mN [-5.0, -3.2].`"""
+    side, number = ("lower", pair.lower) if pair.lower >= pair.higher else ("higher", pair.higher)
+    mean, interval = answers.difference(pair)
+    if not pair.lower and not pair.higher:
+        return f"{pair.metric} of {pair.second} equals that of {pair.first} in all {pair.count} samples."
+    return (
+        f"{pair.metric} of {pair.second} is {side} than of {pair.first} in {number} of {pair.count} samples, "
+        f"mean difference {mean}{f' {interval}' if interval else ''}{', which may be none' if pair.low <= 0.0 <= pair.high else ''}."
+    )
 
 
 def cause_sentences(answers: Answers) -> list[Sentence]:

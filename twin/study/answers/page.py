@@ -12,6 +12,7 @@ from twin import clock
 from twin.results import format_value, si_conversion, write_text
 from twin.study.answers import plots, tables
 from twin.study.answers.headline import Sentence, headline, lowest_pass_rate
+from twin.study.answers.paired import MIN_SAMPLES
 from twin.study.answers.summary import Answers, cleaned, percent
 from twin.study.execution import case_table, manifest
 from twin.web import report_templates
@@ -26,6 +27,7 @@ EXAMPLES = 12  # numbers of cases that are named
 TITLES = {
     "variants": "Variants",
     "shares": "Pass rates",
+    "pairs": "Paired comparison",
     "spreads": "Distributions",
     "clusters": "Failures",
     "worst": "Worst case",
@@ -84,6 +86,7 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
         parts=[percent(quantile) for quantile in study.keys.quantiles],
         link=link(set(listed)),
         examples=EXAMPLES,
+        least=MIN_SAMPLES,
         metrics=metrics,
         factors=factors(outcome),
         worst=worst(outcome, answers),

@@ -9,11 +9,12 @@ import numpy as np
 
 from twin.results import common_format
 from twin.study.answers import clusters as failing
-from twin.study.answers import sensitivity, statistics
+from twin.study.answers import paired, sensitivity, statistics
 from twin.study.design import SAMPLED
 
 if TYPE_CHECKING:
     from twin.study.answers.clusters import FailureCluster
+    from twin.study.answers.paired import PairedDifference
     from twin.study.answers.sensitivity import Change, MetricSensitivity
     from twin.study.answers.statistics import MetricDistribution, PassRate
     from twin.study.design import KeepKeys
@@ -32,6 +33,7 @@ class Answers:
         self.clusters: list[FailureCluster] = failing.clusters(cases)
         self.drivers: list[MetricSensitivity] = sensitivity.drivers(cases)
         self.changes: list[Change] = sensitivity.changes(cases)
+        self.pairs: list[PairedDifference] = paired.paired_differences(cases)
         self.formats = {
             name: common_format(values[np.isfinite(values)].tolist(), metric.unit, metric.is_difference)
             for name, metric in self.study.metrics.items()
@@ -48,11 +50,24 @@ class Answers:
         return self.formats[name].text(value) if np.isfinite(value) else "-"
 
     def between(self, name: str, low: float, high: float) -> str:
-        """`0.031 to 0.034 N`; an end that is not known is open."""
-        ends = [self.metric(name, end) if np.isfinite(end) else "open" for end in (low, high)]
+        """`0.031 to 0.034 N`; `above 0.031 N` without an upper end, `too few cases` without both."""
+        ends = [self.metric(name, end) for end in (low, high)]
+        if not (np.isfinite(low) and np.isfinite(high)):
+            sides = {"above": (low, ends[0]), "below": (high, ends[1])}
+            texts = [f"{side} {text}" for side, (end, text) in sides.items() if np.isfinite(end)]
+            return texts[0] if texts else "too few cases"
         unit = ends[1].partition(" ")[2]
         first = ends[0].removesuffix(f" {unit}") if unit and ends[0].endswith(f" {unit}") else ends[0]
         return f"{first} to {ends[1]}"
+
+    def difference(self, pair: PairedDifference) -> tuple[str, str]:
+        """Mean difference of a pair, `-4.1 mN`, and its interval, `[-5.0, -3.2]`; "" without one."""
+        numbers = [number for number in (pair.mean, pair.low, pair.high) if np.isfinite(number)]
+        largest = max(map(abs, numbers))
+        digits = 2 - math.floor(math.log10(largest)) if largest else 0  # three significant ones of the largest
+        own = common_format([round(number, digits) for number in numbers], self.study.metrics[pair.metric].unit, True)
+        mean, *ends = (own.text(number) for number in numbers)
+        return mean, f"[{', '.join(end.partition(' ')[0] for end in ends)}]" if ends else ""
 
     def interval(self, pass_rate: PassRate) -> str:
         """Wilson's interval; nothing where the cases are no sample of anything."""
@@ -85,6 +100,7 @@ class Answers:
                     {**vars(driver), "effects": [vars(item) for item in driver.effects]} for driver in self.drivers
                 ],
                 "changes": [vars(change) for change in self.changes],
+                "pairs": [vars(pair) for pair in self.pairs],
             }
         )
         return summary

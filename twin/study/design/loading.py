@@ -68,6 +68,7 @@ class StudyLoader(KeyFile):
         factors = [self._factor(name, one) for name, one in keys.vary.items()]
         factors += self._estimates()
         self._refuse_twice([one for one in factors if one])
+        self._refuse_metrics()
         self.stop_if_wrong()
         valid_factors = [one for one in factors if one]
         correlation = self._correlation(valid_factors)
@@ -75,7 +76,6 @@ class StudyLoader(KeyFile):
         self._refuse_times(valid_factors)
         bands = {name: self._expression(one.signal, "keep", "bands", name) for name, one in keys.keep.bands.items()}
         knobs, limits = self._knobs(), self._limits()
-        self._refuse_metrics()
         self.stop_if_wrong()
         samples = keys.samples
         return Study(

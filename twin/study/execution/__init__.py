@@ -7,6 +7,7 @@ import lazy_loader
 from twin.study.execution.case_engine import Engine, Job
 
 if TYPE_CHECKING:
+    from twin.study.execution.progress import StudyProgress, TimeEstimate
     from twin.study.execution.repeat import (
         repeat,
         resolve_case,
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
         stored_cases,
         study_of_run,
     )
-    from twin.study.execution.study_runner import StudyOutcome, StudyProgress, latest, run_study
+    from twin.study.execution.study_runner import StudyOutcome, estimate_time, latest, run_study, searched_cases
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
@@ -28,7 +29,8 @@ __getattr__, _, _ = lazy_loader.attach(
             "repeat",
             "single",
         ],
-        "study_runner": ["StudyOutcome", "StudyProgress", "latest", "run_study"],
+        "progress": ["StudyProgress", "TimeEstimate"],
+        "study_runner": ["StudyOutcome", "estimate_time", "latest", "run_study", "searched_cases"],
     },
 )
 
@@ -37,10 +39,13 @@ __all__ = [
     "Job",
     "StudyOutcome",
     "StudyProgress",
+    "TimeEstimate",
+    "estimate_time",
     "latest",
     "repeat",
     "resolve_case",
     "run_study",
+    "searched_cases",
     "single",
     "stored_case_folder",
     "stored_cases",

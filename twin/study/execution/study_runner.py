@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import os
 import shutil
+import subprocess
+import sys
+import tempfile
 import time
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from twin import clock
 from twin.errors import ScenarioError, SimulationError, TwinError
@@ -21,10 +24,11 @@ from twin.run import noop
 from twin.scenario import Backend, members
 from twin.study.design import SAMPLED, CommonPrefixes, Study, StudyRequest, VariantInputs, load_study
 from twin.study.execution import case_table, manifest
-from twin.study.execution.case_engine import DONE, Job
+from twin.study.execution.case_engine import DONE, Engine, Job
 from twin.study.execution.journal import NAME as JOURNAL
 from twin.study.execution.journal import StudyJournal
 from twin.study.execution.process_pool import Pool, memory_of_each
+from twin.study.execution.progress import Listener, ProgressReporter, TimeEstimate
 from twin.study.execution.tuning import Tuned, tune
 from twin.study.execution.worst_case_search import WorstCase, search_worst
 
@@ -41,26 +45,6 @@ REPORT_PERIOD = 15.0  # of reports while cases run, at least [s]
 REPORT_SHARE = 0.05  # of the time that they take, at most
 
 
-@dataclass(frozen=True)
-class StudyProgress:
-    """How far a study is: cases done and in all, those that failed, cases per second, seconds left, the report so far."""
-
-    part: str
-    done: int
-    count: int
-    failed: int
-    rate: float
-    left: float
-    report: Path | None = None
-
-
-class Listener(Protocol):
-    """Hears how far it is."""
-
-    def __call__(self, progress: StudyProgress, /) -> object:
-        """Take note."""
-
-
 @dataclass
 class StudyOutcome:
     """Outcome of a study."""
@@ -75,32 +59,6 @@ class StudyOutcome:
     runs: dict[int, str] = field(default_factory=dict)  # number of a case -> its folder, as from the study's
     before: int = 0  # cases that were done when it went on
     engine: str = ""  # what ran the cases
-
-
-class ProgressReporter:
-    """Counts rows and reports progress."""
-
-    def __init__(self, journal: StudyJournal, count: int, listen: Listener) -> None:
-        self.journal, self.count, self.listen = journal, count, listen
-        self.part = SAMPLED
-        self.report: Path | None = None
-        self.failed = sum(row.status != DONE for row in journal.rows.values())
-        self._begin = time.perf_counter()
-        self._new = 0
-
-    def take(self, row: Row) -> None:
-        """One more row."""
-        self._new += 1
-        self.failed += row.status != DONE
-        done = len(self.journal.rows)
-        rate = self._new / max(time.perf_counter() - self._begin, 1e-9)
-        try:
-            left = max(self.count - done, 0) / rate
-            self.listen(StudyProgress(self.part, done, self.count, self.failed, rate, left, self.report))
-        except BrokenPipeError:
-            raise
-        except OSError:  # a terminal that is closed, or a full disk: the cases are what counts
-            pass
 
 
 class ReportSoFar:
@@ -280,12 +238,38 @@ def every_part(outcome: StudyOutcome, cases: PendingCases) -> None:
 
 def expected(study: Study) -> int:
     """Cases in all, as far as that is known before."""
-    count = study.count
-    if study.keys.worst is not None:
-        count += study.keys.worst.evaluations
-    if study.keys.tune is not None:
-        count += (study.keys.tune.trials + 1) * len(study.design.values) * len(study.seeds(1))
-    return count
+    return study.count + sum(searched_cases(study).values())
+
+
+def estimate_time(study: Study, *, build: Path, workers: int = 0) -> TimeEstimate:
+    """Measure what a study will take: a process is started; here, members are built and three cases of each variant run."""
+    begin = time.perf_counter()
+    subprocess.run([sys.executable, "-c", "import twin.study.execution.worker"], check=True)
+    requests = {variant: [r for r in study.requests() if r.variant == variant][:3] for variant in study.variants}
+    with tempfile.TemporaryDirectory() as folder:
+        frozen = Path(folder) / f"{study.scenario.name}.yaml"
+        write_text(frozen, study.scenario.frozen())
+        engine = Engine(prepared(study, frozen, build))
+        first = [engine.row(own[0]) for own in requests.values()]  # makes the members, too
+        preparation = time.perf_counter() - begin
+        rows = {variant: [engine.row(request) for request in own[1:] or own] for variant, own in requests.items()}
+    seconds = {variant: sum(row.seconds for row in own) / len(own) for variant, own in rows.items()}
+    counts = dict.fromkeys(study.variants, study.count // len(study.variants))
+    for search, count in searched_cases(study).items():
+        counts[search or study.variants[0]] += count
+    failures = [row.why for row in (*first, *(row for own in rows.values() for row in own)) if row.status != DONE]
+    return TimeEstimate(counts, seconds, preparation, workers or cores(), tuple(dict.fromkeys(failures)))
+
+
+def searched_cases(study: Study) -> dict[str, int]:
+    """Number of cases of the searches by their variant; "": the study's first one."""
+    worst, tune, counts = study.keys.worst, study.keys.tune, dict[str, int]()
+    if worst is not None:
+        counts[worst.variant] = worst.evaluations
+    if tune is not None:
+        trials = (tune.trials + 1) * len(study.design.values) * len(study.seeds(1))
+        counts[tune.variant] = counts.get(tune.variant, 0) + trials
+    return counts
 
 
 def chosen(study: Study) -> list[Case]:
