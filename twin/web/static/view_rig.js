@@ -1,6 +1,6 @@
 // The rig of paper A: carriages with their grippers, the instrument in its sheath, the wall at its end.
 
-import { clamp, force, make, parts, say, set, sheet, wall } from "./draw.js";
+import { clamp, contactForce, make, parts, say, set, sheet, wall } from "./draw.js";
 
 const MM = 2000;              // [px/m] along the carriages
 const LINE = 96, RAIL = 196;  // height of the instrument, of the rail
@@ -41,7 +41,7 @@ export function rig(place, view) {
   const inside = make(svg, "path", { d: guided ? SHEATH : "", class: "shaft", pathLength: 1000 });
   const front = wallPart && wall(svg, OUT, 990);
   const tip = make(svg, "path", { class: "shaft" }), end = make(svg, "circle", { r: 5, class: "tip", visibility: "hidden" });
-  const bar = (wallPart || one("force")) && force(svg, 660, 34, 320, view.band);
+  const bar = (wallPart || one("force")) && contactForce(svg, 660, 34, 320, view.band, one("force"), wallPart);
   const dial = one("rotation") && rotation(svg, 960, bar ? 96 : 44);
   const state = make(svg, "text", { x: END - 20, y: 242, class: "small" });
   carriages.forEach((part) => part.raise());
@@ -54,7 +54,7 @@ export function rig(place, view) {
     const depth = of(instrument, "insertion_depth"), lengths = instrument?.sizes.section_length || SECTIONS;
     const whole = lengths.reduce((a, b) => a + b, 0);
     set(inside, { "stroke-dasharray": `${depth === undefined ? 1000 : passed(depth, lengths)} 2000` });
-    if (bar) bar(of(one("force"), "measured_force") ?? of(wallPart, "force") ?? 0);
+    if (bar) bar(of);
     const sequencer = one("sequencer");
     if (sequencer) say(head, `step ${of(sequencer, "step_number") ?? "–"} · gripper ${of(sequencer, "leading") ?? "–"} leads · hand-overs: ${of(sequencer, "regrip_count") ?? 0}`);
     if (!guided) return;
