@@ -338,6 +338,7 @@ class Session:
             self.channel.send_droppable(state=self.status())
             if self.drives is not None and instant - self._last_drive_status_time >= DRIVE_STATUS_PERIOD:
                 self._last_drive_status_time = instant
-                self.channel.send_droppable(hardware=self.drives.status())
+                time = clock.seconds(self.simulated.time)
+                self.channel.send_droppable(hardware={**self.drives.status(), "time": time})
         except ClosedError:
             self.gone = self.ending = True
