@@ -3,8 +3,8 @@
 Pages of docs/ as they are; one for each component, from its declaration, its README and its reference trajectory; one for
 each scenario, from its file and from a run, kept until something changes that decides it (outcomes.py; --run: of these alone,
 --no-run: of none). Pages that are notebooks are executed, unless --no-notebooks. A link that leads nowhere ends it.
-A page's links to docs/data/NAME.csv lead to its appendix, data/PAGE.html, which shows these tables. A line
-"Keys: [`SECTION`](../data/NAME.csv)." (or "Names: ...") becomes the table of this section.
+A page's links to docs/data/NAME.csv lead to its appendix, data/PAGE.html, which shows these tables. A line that ends with
+"Keys: [`SECTION`, `SECTION`](../data/NAME.csv)." (or "Names: ...") is followed by the tables of these sections.
 """
 
 from __future__ import annotations
@@ -47,7 +47,8 @@ ELSEWHERE = (  # where links lead in the checkout, and in the site
     (re.compile(r"(?<=[(\"])docs/"), ""),
 )
 DATA = re.compile(r"\]\(\.\./data/(\w+)\.csv\)")  # a link to a complete table
-KEYS = re.compile(r"^(?:Keys|Names): \[`(\w+)`\]\(\.\./data/(\w+)\.csv\)\.$", re.MULTILINE)  # a section of a table
+# sections of a table at the end of a line, and what the line says before
+KEYS = re.compile(r"^(.*?)(?:(?:Keys|Names): )?\[(`[\w`, ]+`)\]\(\.\./data/(\w+)\.csv\)\.$", re.MULTILINE)
 API = ("twin", "twin.component", "twin.fmi", "twin.coupling", "twin.results", "twin.scenario", "twin.run")
 DRAWN = 6  # curves of a panel at most
 
@@ -132,14 +133,19 @@ def documents(*, execute: bool) -> None:
 
 
 def with_keys(text: str) -> str:
-    """A page with the table of each section of keys or names that it links to."""
+    """A page with the table of each section of keys or names that it links to, with a title where there are several."""
 
-    def section(match: re.Match[str]) -> str:
-        with (ROOT / "docs" / "data" / f"{match[2]}.csv").open(newline="") as file:
+    def tables(match: re.Match[str]) -> str:
+        before, sections, name = match[1].rstrip(), re.findall(r"`([^`]+)`", match[2]), match[3]
+        with (ROOT / "docs" / "data" / f"{name}.csv").open(newline="") as file:
             head, *rows = csv.reader(file)
-        return table(head[1:], [(f"`{name}`", *rest) for section, name, *rest in rows if section == match[1]])
+        parts = [before] * bool(before)
+        for section in sections:
+            parts += [f"**{section}**"] * (len(sections) > 1)
+            parts.append(table(head[1:], [(f"`{key}`", *rest) for own, key, *rest in rows if own == section]))
+        return "\n\n".join(parts)
 
-    return KEYS.sub(section, text)
+    return KEYS.sub(tables, text)
 
 
 def with_appendix(path: Path, text: str) -> str:

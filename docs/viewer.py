@@ -52,12 +52,12 @@ VIEWS: dict[str, dict[str, Any]] = {
 }
 
 
-def runs(folder: Path) -> list[Path]:
+def runs() -> list[Path]:
     """The force experiment as it is, and with a heart that moves more than twice as far: then the force leaves its range."""
     found = []
-    for place, overrides in (("as published", ()), ("large", ("heart.scale=2.2",))):
+    for place, overrides in (("runs", ()), ("larger", ("heart.scale=2.2",))):
         scenario = load_scenario(ROOT / "scenarios" / "heart_wall_force.yaml", overrides)
-        outcome = run_scenario(scenario, RunOptions(root=folder / place, build=ROOT / "build", report=not overrides))
+        outcome = run_scenario(scenario, RunOptions(root=Path(place), build=ROOT / "build", report=not overrides))
         found.append(outcome.folder)
     return found
 
@@ -77,7 +77,7 @@ def picture(browser: Browser, address: str, name: str, width: int, scheme: str) 
 def report(browser: Browser, folder: Path) -> None:
     """The first screen of a run's report as docs/figures/report.png."""
     page = browser.new_page(viewport={"width": 1000, "height": 900}, color_scheme="light")
-    page.goto((folder / "report.html").as_uri())
+    page.goto((folder / "report.html").resolve().as_uri())
     screenshot(page, "report", full_page=False)
     page.close()
 
@@ -92,9 +92,9 @@ def screenshot(page: Page, name: str, full_page: bool) -> None:
 
 def main() -> None:
     """Take all pictures."""
-    os.chdir(ROOT)
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as one:
-        first, large = runs(Path(folder))
+        os.chdir(folder)  # a report shows the path of its folder: a short one
+        first, large = runs()
         browser = one.chromium.launch(
             executable_path=shutil.which("chromium"), args=["--headless", "--no-sandbox", "--disable-gpu"]
         )

@@ -1,5 +1,6 @@
 """The site of all documents is built without a warning: a link that leads nowhere would be one."""
 
+import csv
 import importlib
 import json
 import re
@@ -97,3 +98,19 @@ def test_the_api_is_that_of_the_docstrings(site):
 
 def test_it_is_searched_without_a_server(site):
     assert "servomotor" in (site / "search" / "search_index.js").read_text()
+
+
+@pytest.mark.parametrize("page", ["scenario", "hardware_file", "identify", "validation_file", "python"])
+def test_a_reference_shows_every_section_of_its_table(page, monkeypatch):
+    """On the page, not as a link to a CSV file; several sections have a title each."""
+    pytest.importorskip("nbclient", reason="the extra `docs` is not installed")
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    pages = importlib.import_module("pages")
+    text = (ROOT / "docs" / "reference" / f"{page}.md").read_text()
+    (name,) = {match[3] for match in pages.KEYS.finditer(text)}
+    shown = pages.with_keys(text)
+    with (ROOT / "docs" / "data" / f"{name}.csv").open(newline="") as file:
+        keys = [row[1] for row in csv.reader(file)][1:]
+    assert [key for key in keys if f"\n| `{key}` |" not in shown] == []
+    assert "Keys: [" not in shown
+    assert "Names: [" not in shown

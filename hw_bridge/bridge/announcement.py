@@ -6,7 +6,7 @@ import hashlib
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from hw_bridge.commission import planned_rows
+from hw_bridge.commission import planned_rows, write_heading
 from hw_bridge.journal import state_folder
 from twin.cli import say
 
@@ -33,8 +33,9 @@ def lines(master: Master) -> list[str]:
     text = []
     for station in master.stations.values():
         with master.asking(station):
-            rows = planned_rows(master.plan(station))
-        text.append(f"{station.name}: {len(rows)} objects are written, and restored at the end:")
+            plan = master.plan(station)
+            rows = planned_rows(plan)
+        text.append(write_heading(plan, rows))
         text += [f"  {row.object} {row.name}: {row.before} -> {row.after} ({row.reason})" for row in rows]
     return text
 

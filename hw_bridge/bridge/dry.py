@@ -14,6 +14,7 @@ from hw_bridge.bridge import announcement
 from hw_bridge.bridge.hardware import Hardware
 from hw_bridge.commission import SdoSession, axis, limits
 from hw_bridge.dictionary import Mode, State
+from hw_bridge.hardware import stall_bounds
 from hw_bridge.master import Master
 from hw_bridge.plant import bench_network
 from hw_bridge.profiles import acting
@@ -69,10 +70,10 @@ def without_power(
     keys, network = master.keys, master.network
     if problems := master.identify():
         raise SimulationError(problems)
-    wide = []
+    wide, mirrors = [], {}
     for name in keys.nodes:
         drive = line.drive(name)
-        drive.rotary = rotary[name]
+        drive.rotary, mirrors[name] = rotary[name], drive.mirror
         wide += list(limits.wider(drive, limits.compare(drive)))
     if absurd := [text for text, is_absurd in wide if is_absurd]:
         raise SimulationError(absurd)
@@ -97,7 +98,7 @@ def without_power(
         f"{name}: {states.get(name, 'outputs safe')}; {item.lost} of {CYCLES} process data lost"
         for name, item in master.stations.items()
     ]
-    return [*results, *(text for text, _ in wide)]
+    return [*results, *(text for text, _ in wide), *stall_bounds.bounds(keys, rotary, mirrors)]
 
 
 @dataclass
@@ -217,7 +218,6 @@ class DryHardware(Hardware):
         bus = "simulated bus" if self.real.simulated else f"{self.real.interface} {self.real.channel}"
         return [
             *(f"dry run on {bus}, power never on: {line.rstrip('.')}." for line in self.rehearsal_results),
-            *self.bounds(),
             *(f"would have been sent: {note}" for note in super().notes()),
-            *(f"dry run, {write.strip().rstrip('.')}." for write in self.writes),
+            *(f"dry run, {write.strip().rstrip('.:')}." for write in self.writes),
         ]

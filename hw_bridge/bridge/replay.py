@@ -12,7 +12,7 @@ from hw_bridge.bridge.axis import COPIED_ROLES, DriveAxis, SessionMember
 from hw_bridge.bridge.fitting import Fitting
 from hw_bridge.bridge.hardware import ROOM, Hardware
 from hw_bridge.dictionary import cia402
-from hw_bridge.master import force_constant_of
+from hw_bridge.hardware.motor_data import force_constant_of
 from hw_bridge.plant import start_position
 from hw_bridge.session import outputs
 from hw_bridge.trace import NAMES, POSITION, STATUSWORD, Recording

@@ -11,7 +11,7 @@ import click
 
 from hw_bridge.command.bench.options import table
 from hw_bridge.commission import DUPLICATE_ID, SdoSession, axis, limit_effects, profile_title_of, scan
-from hw_bridge.hardware import load
+from hw_bridge.hardware import load, stall_bounds
 from hw_bridge.plant import bench_network
 from twin.cli import say
 from twin.cli.options import build_option
@@ -151,14 +151,14 @@ def differences(
 def unready(master: Master, station: Node | ModuleNode) -> list[str]:
     """Return why a matching node could not be run now; prints what a run would write, and notes."""
     from hw_bridge.command.bench.options import table
-    from hw_bridge.commission import inspect, limits, planned_rows
+    from hw_bridge.commission import inspect, limits, planned_rows, write_heading
     from hw_bridge.master import Node, setup
 
     plan = master.plan(station)
     for line in plan.sizes():
         say(f"note: {line}")
     rows = planned_rows(plan)
-    say(f"{station.name}: a run writes {len(rows)} objects, and restores them at its end:")
+    say(write_heading(plan, rows))
     table([("object", "name", "before", "after", "why"), *rows], 2, head=True)
     for text in plan.notes:
         say(f"note: {text}")
@@ -169,7 +169,10 @@ def unready(master: Master, station: Node | ModuleNode) -> list[str]:
     for group, values in inspection.groups.items():
         say(f"{station.name}: {group}, left as it is unless the hardware file says otherwise:")
         table(values, 2)
-    for text in inspection.notes:
+    for text in (
+        *inspection.notes,
+        stall_bounds.bound(master.keys, station.name, station.keys, station.rotary, station.mirror),
+    ):
         say(f"note: {text}")
     fault = setup.faults(station)
     wider_limits = list(limits.wider(station, limits.compare(station)))

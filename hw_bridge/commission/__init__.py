@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from hw_bridge.commission.deadman import HOLD, DeadMan, HeldKey, Keyboard
     from hw_bridge.commission.inspection import Inspection, inspect
     from hw_bridge.commission.page_watchdog import PageWatchdog
-    from hw_bridge.commission.planned import PlannedRow, planned_rows
+    from hw_bridge.commission.planned import PlannedRow, planned_rows, write_heading
     from hw_bridge.commission.sdo_session import BOOT, SdoSession, assert_not_driven, pending_error
     from hw_bridge.commission.single_axis_session import (
         SLOWEST_STOP,
@@ -55,7 +55,7 @@ __getattr__, _, _ = lazy_loader.attach(
         "single_axis_session": ["SingleAxisSession", "SLOWEST_STOP", "restrict_to_node", "check_bounded"],
         "inspection": ["Inspection", "inspect"],
         "sdo_session": ["BOOT", "SdoSession", "assert_not_driven", "pending_error"],
-        "planned": ["PlannedRow", "planned_rows"],
+        "planned": ["PlannedRow", "planned_rows", "write_heading"],
         "bus_scan": ["ScannedNode", "DUPLICATE_ID", "profile_title_of", "profile_name_of", "scan"],
         "status_report": ["Status", "monitored_rows", "status"],
     },
@@ -102,4 +102,5 @@ __all__ = [
     "scan",
     "status",
     "step",
+    "write_heading",
 ]

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.commission.objects import format_value
 from hw_bridge.dictionary import U8, U16, U32, Entry, cia402
-from hw_bridge.hardware import format_quantity
-from hw_bridge.master import SdoError, force_constant_of, setup
+from hw_bridge.hardware import format_quantity, motor_data
+from hw_bridge.master import SdoError, setup
 from hw_bridge.profiles import symbol
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def _entry(node: Node, address: Address) -> Entry | None:
 def _notes(node: Node, values: dict[Address, int]) -> Iterator[str]:
     """Yield conflicts with the hardware file, and limitations."""
     name, homing = node.name, node.keys.homing
-    limit, constant = node.own.file.force, force_constant_of(node.keys)
+    limit, constant = node.own.file.force, motor_data.force_constant_of(node.keys)
     rated = (values.get((0x6075, 0)) or values.get((0x2329, 1), 0)) / 1e3
     currents = [values[address] / 1e3 for address in ((0x30B2, 0), (0x2080, 0)) if address in values]
     currents += [values[address] * rated / 1e3 for address in ((0x2350, 0), (0x2351, 0)) if address in values and rated]
@@ -130,7 +130,7 @@ def _notes(node: Node, values: dict[Address, int]) -> Iterator[str]:
                 f"{name}: homing pushes against the end stop with {format_quantity(max(currents) * constant, newton)}, above "
                 f"limits.force {format_quantity(limit, newton)}. Lower it under `objects` (30B2h or 2080h, or 2350h and 2351h)."
             )
-    peak = node.profile.currents(node.mirror).peak * constant
+    peak = motor_data.drive_force(node.keys, node.mirror)
     if not isfinite(peak):
         yield f"{name}: no object tells the drive's own limit of the current. limits.force is watched by this program alone."
     elif peak > limit:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import Mode
-from hw_bridge.master import MAX_AGE_CYCLES
+from hw_bridge.hardware import stall_bounds
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
@@ -27,7 +27,9 @@ def rows(keys: HardwareKeys, node: NodeKeys, absent: Collection[int] = ()) -> li
 
     cst = Mode.CST in chosen.modes
     force = f"{'targets of cst, to 80 %; ' if cst else ''}{WATCHED}; while it homes too"
-    oldest = node.limits.actual_value_age or max(round(MAX_AGE_CYCLES * keys.cycle), keys.late_cycle.at_most or 0)
+    oldest = node.limits.actual_value_age or stall_bounds.value_age(keys)
+    missed, lateness = stall_bounds.missed_cycles(keys), stall_bounds.tolerated_lateness(keys)
+    own_lateness = f"a late cycle of this program is not counted, and may last {lateness / 1e6:.4g} ms (late_cycle)"
     return [
         ("position", f"{WATCHED}{own(0x607D)}, a tenth beyond"),
         ("velocity", f"targets of {velocity}, to 80 %; {WATCHED}{own(0x607F, 0x6080)}"),
@@ -43,7 +45,10 @@ def rows(keys: HardwareKeys, node: NodeKeys, absent: Collection[int] = ()) -> li
             + f"{own(0x6083, 0x6084, 0x6085)}: profile modes and quick stop. From limits.velocity it takes "
             + f"{1e3 * node.limits.velocity / node.limits.acceleration:.3g} ms to stop",
         ),
-        ("actual_value_age", f"{oldest / 1e6:.4g} ms: {WATCHED}"),
+        (
+            "actual_value_age",
+            f"{oldest / 1e6:.4g} ms at SYNC: {WATCHED}; values that stay away end a run after {missed} cycles; {own_lateness}",
+        ),
     ]
 
 

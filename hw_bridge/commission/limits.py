@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.commission.objects import learn, upload
-from hw_bridge.hardware import format_quantity
-from hw_bridge.master import SdoError, force_constant_of
+from hw_bridge.hardware import format_quantity, motor_data
+from hw_bridge.master import SdoError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -54,7 +54,7 @@ def compare(node: Node) -> list[Row]:
     for index, sub in CURRENTS:
         if (value := _own(node, index, sub)) is not None:
             node.mirror.values[index, sub] = value
-    peak = node.profile.currents(node.mirror).peak * force_constant_of(node.keys)
+    peak = motor_data.drive_force(node.keys, node.mirror)
     return [*rows, Row("force", limits.force, peak, "its peak current", "N*m" if length == "rad" else "N")]
 
 

@@ -51,6 +51,14 @@ def planned_rows(plan: WritePlan) -> list[PlannedRow]:
     ]
 
 
+def write_heading(plan: WritePlan, rows: list[PlannedRow]) -> str:
+    """Return the line above the rows: how many objects a run writes, also those that differ only during the mapping."""
+    total = len({(write.index, write.sub) for write in plan.writes})
+    passing = f", {total - len(rows)} of them only while it maps process data" if total > len(rows) else ""
+    rest = f" {len(rows)} have another value during the run:" if passing else ""
+    return f"{plan.node.name}: a run writes {total} objects{passing}, and restores them at its end{rest and '.'}{rest or ':'}"
+
+
 def with_units_before(plan: WritePlan) -> None:
     """Set the node's units to those of its current values."""
     _scale(plan, {address: plan.stored_value(*address) for address in _scales(plan)})

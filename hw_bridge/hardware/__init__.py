@@ -1,6 +1,6 @@
 """The hardware file: its keys, and a line for every problem."""
 
-from hw_bridge.hardware import plausible, stall_bounds
+from hw_bridge.hardware import motor_data, plausible, stall_bounds
 from hw_bridge.hardware.contradictions import gain_problem
 from hw_bridge.hardware.events import planned
 from hw_bridge.hardware.file import load, overloaded
@@ -35,6 +35,7 @@ __all__ = [
     "gain_problem",
     "homing_conflict",
     "load",
+    "motor_data",
     "overloaded",
     "planned",
     "plausible",

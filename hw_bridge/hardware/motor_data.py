@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import TYPE_CHECKING
 
+from hw_bridge.dictionary import Dictionary
 from hw_bridge.profiles import EFFORT, motor_parameters
 from twin.component import catalog
 
@@ -45,9 +47,24 @@ def check(node: NodeKeys) -> list[tuple[tuple[str, ...], str]]:
 
 
 def peak(node: NodeKeys) -> float:
-    """Force [N] or torque [N m] of the peak current of its profile's motor, at the member."""
-    model = motor_parameters(node.drive, node.motor).model
-    return reached(model)["current"] * (node.force_constant or model.force_constant / node.scale)
+    """Force [N] or torque [N m] of the peak current of its motor, at the member; its drive may be set to less."""
+    return reached(motor_parameters(node.drive, node.motor).model)["current"] * force_constant_of(node)
+
+
+def drive_force(node: NodeKeys, objects: Dictionary | None = None) -> float:
+    """Largest force [N] or torque [N m] at the member by the drive's own current limits; infinite where no object states one.
+
+    `objects`: those read from the drive; None: those of a new drive of its profile. `objects` of the hardware file, which a
+    run writes, replace them.
+    """
+    dictionary = Dictionary(node.drive.objects, node.node) if objects is None else copy(objects)
+    dictionary.values = {**dictionary.values, **node.objects}
+    return node.drive.currents(dictionary).peak * force_constant_of(node)
+
+
+def force_constant_of(node: NodeKeys) -> float:
+    """Force [N] or torque [N*m] at the member per ampere: from the hardware file, else from the motor's parameters."""
+    return node.force_constant or motor_parameters(node.drive, node.motor).model.force_constant / node.scale
 
 
 def reached(model: MotorModel) -> dict[str, float]:

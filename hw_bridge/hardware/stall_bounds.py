@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from math import degrees
+from math import degrees, isfinite
 from typing import TYPE_CHECKING
 
 from hw_bridge.hardware import motor_data
+from hw_bridge.hardware.quantities import format_quantity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from hw_bridge.dictionary import Dictionary
     from hw_bridge.hardware.keys import HardwareKeys, NodeKeys
+
+SILENT_CYCLES = 5  # so many cycles without process data are the end of a drive
+# cycles that actual values may be old when the next targets follow from them; one is the least, and 5 without any end a run
+MAX_AGE_CYCLES = 4.25
 
 
 def at_most(keys: HardwareKeys) -> int:
@@ -22,6 +28,16 @@ def at_most(keys: HardwareKeys) -> int:
 def tolerated_lateness(keys: HardwareKeys) -> int:
     """Lateness of a cycle that does not end the run [ns]."""
     return keys.cycle if keys.late_cycle.policy == "stop" else max(at_most(keys), keys.cycle)
+
+
+def missed_cycles(keys: HardwareKeys) -> int:
+    """Cycles without process data that end a run: a drive, or its transmission path, may be as late as this program."""
+    return max(SILENT_CYCLES, (keys.late_cycle.at_most or 0) // keys.cycle)
+
+
+def value_age(keys: HardwareKeys) -> int:
+    """Largest age of actual values at SYNC [ns] where the file gives none; this program's own lateness is not counted."""
+    return max(round(MAX_AGE_CYCLES * keys.cycle), keys.late_cycle.at_most or 0)
 
 
 def max_displacement(keys: HardwareKeys, node: NodeKeys) -> tuple[float, float]:
@@ -37,23 +53,42 @@ def max_displacement(keys: HardwareKeys, node: NodeKeys) -> tuple[float, float]:
     )
 
 
-def bounds(keys: HardwareKeys, rotary: Mapping[str, bool]) -> list[str]:
-    """Format a line for each drive. `rotary`: which members turn."""
-    return [_line(keys, name, node, rotary[name]) for name, node in keys.nodes.items()]
+def bounds(
+    keys: HardwareKeys, rotary: Mapping[str, bool], objects: Mapping[str, Dictionary] | None = None
+) -> list[str]:
+    """Format a line for each drive. `rotary`: which members turn. `objects`: those read from each drive, if any were."""
+    read = objects or {}
+    return [bound(keys, name, node, rotary[name], read.get(name)) for name, node in keys.nodes.items()]
 
 
-def _line(keys: HardwareKeys, name: str, node: NodeKeys, rotary: bool) -> str:
+def bound(keys: HardwareKeys, name: str, node: NodeKeys, rotary: bool, objects: Dictionary | None) -> str:
+    """Format the line of one drive."""
     stalled, alone = max_displacement(keys, node)
-    newton, stiffness, pressed, peak = "N m" if rotary else "N", keys.late_cycle.stiffness, "", motor_data.peak(node)
+    newton, stiffness, pressed = "N m" if rotary else "N", keys.late_cycle.stiffness, ""
+    peak, lateness = motor_data.drive_force(node, objects), tolerated_lateness(keys)
+    age, source = (
+        node.limits.actual_value_age or value_age(keys),
+        "its profile has it" if objects is None else "it is set",
+    )
     if stiffness is not None and not rotary:
         more, most = (min(displacement * stiffness, peak) for displacement in (stalled, alone))
         pressed = f", {more:.3g} N and {most:.3g} N more against {stiffness:g} N/m"
     return (
-        f"{name}: late_cycle {keys.late_cycle.policy}, up to {tolerated_lateness(keys) / 1e6:g} ms: at "
+        f"{name}: late_cycle {keys.late_cycle.policy}, up to {lateness / 1e6:g} ms: at "
         f"{_format_length(node.limits.velocity, rotary)}/s at most {_format_length(stalled, rotary)}; a program that dies: "
         f"{_format_length(alone, rotary)} until it misses the heartbeat and stands{pressed}. Above "
         f"{node.limits.force:g} {newton} "
-        f"this program stops it; without it the drive's current limit does, {peak:.3g} {newton} as its profile has it."
+        + (
+            f"this program stops it; without it the drive's current limit does, {format_quantity(peak, newton)} as {source}."
+            if isfinite(peak)
+            else "this program stops it, and no object of the drive states a limit of the current."
+        )
+        + (
+            f" Apart from that, actual values that are more than {age / 1e6:.4g} ms old at SYNC end the run "
+            "(limits.actual_value_age)."
+            if age < lateness
+            else ""
+        )
     )
 
 

@@ -3,9 +3,9 @@
 from hw_bridge.master import fault_report, restoration, setup
 from hw_bridge.master.acceleration import max_stoppable_speed
 from hw_bridge.master.activity import active_drives
-from hw_bridge.master.master import MAX_AGE_CYCLES, Master
+from hw_bridge.master.master import Master
 from hw_bridge.master.module import ModuleNode
-from hw_bridge.master.node import Node, force_constant_of
+from hw_bridge.master.node import Node
 from hw_bridge.master.pdo_mapping import PDOS, process_data, takes_set_points
 from hw_bridge.master.plan import PlannedWrite, WritePlan
 from hw_bridge.master.reference import Reference
@@ -13,7 +13,6 @@ from hw_bridge.master.sdo import SdoClient, SdoError, SilentError
 from hw_bridge.master.station import Station
 
 __all__ = [
-    "MAX_AGE_CYCLES",
     "PDOS",
     "Master",
     "ModuleNode",
@@ -27,7 +26,6 @@ __all__ = [
     "WritePlan",
     "active_drives",
     "fault_report",
-    "force_constant_of",
     "max_stoppable_speed",
     "process_data",
     "restoration",

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import MILLISECOND, Frame, bit_count, never
 from hw_bridge.dictionary import State, cia301
+from hw_bridge.hardware import stall_bounds
 from hw_bridge.master import fault_report, homing, restoration, run_checks, setup
 from hw_bridge.master.activity import active_drives
 from hw_bridge.master.age import PATTERN, SHIFT
@@ -19,7 +20,7 @@ from hw_bridge.master.foreign_master import ForeignMasterMonitor
 from hw_bridge.master.module import ModuleNode
 from hw_bridge.master.node import Node
 from hw_bridge.master.sdo import SilentError
-from hw_bridge.master.stop import ALONE, SILENT_CYCLES, Stop
+from hw_bridge.master.stop import ALONE, Stop
 from hw_bridge.master.timing import Timing
 from hw_bridge.profiles import device
 from twin.errors import SimulationError
@@ -44,8 +45,6 @@ SHORTEST = 0.75
 # In simulated time cycles begin here in those of the drives [ns], so that results do not depend on how long the set-up
 # took. At 1 Mbit/s targets act 1.0 ms later; real drives have any phase.
 CONTROL_CYCLE, PHASE = MILLISECOND, 990_000
-# cycles that actual values may be old when the next targets follow from them; one is the least, and 5 without any end a run
-MAX_AGE_CYCLES = 4.25
 RESET = "Find the cause, then reset it with `twin hil reset FILE`."
 
 
@@ -70,9 +69,7 @@ class Master:
         self.stations: dict[str, Node | ModuleNode] = {**self.nodes, **self.modules}
         self._by_number = {station.number: station for station in self.stations.values()}
         self.timing = Timing(self.cycle)
-        # cycles without process data that end a run: a drive, or its transmission path, may be as late as this program
-        self.max_missed_cycles = max(SILENT_CYCLES, (keys.late_cycle.at_most or 0) // self.cycle)
-        self.oldest = max(round(MAX_AGE_CYCLES * self.cycle), keys.late_cycle.at_most or 0)  # age of actual values [ns]
+        self.max_missed_cycles, self.oldest = stall_bounds.missed_cycles(keys), stall_bounds.value_age(keys)
         self.notes: list[str] = []
         self.restorations: list[str] = []  # results of restoring the written objects
         self.recovered: list[str] = []  # objects of an earlier run, restored before this one
@@ -293,7 +290,7 @@ class Master:
             if watch is not None:
                 watch()
             for station in self.stations.values():
-                if self.lost(station) or station.silent > 4 * SILENT_CYCLES:
+                if self.lost(station) or station.silent > 4 * stall_bounds.SILENT_CYCLES:
                     missing = "heartbeat" if self.lost(station) else "process data"
                     raise SimulationError(
                         f"{station.name}: no {missing} while it was brought up.{self.emergencies()} Check its power and the bus."

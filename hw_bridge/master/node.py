@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.bus import Frame
 from hw_bridge.dictionary import Mode, State, cia402, state_of
+from hw_bridge.hardware.motor_data import force_constant_of
 from hw_bridge.master import pdo_mapping
 from hw_bridge.master.acceleration import AccelerationLimit
 from hw_bridge.master.age import ValueAge
@@ -17,7 +18,7 @@ from hw_bridge.master.limits import OwnLimits
 from hw_bridge.master.pdo_mapping import ProcessData
 from hw_bridge.master.set_points import SetPoints
 from hw_bridge.master.station import Station
-from hw_bridge.profiles import magnetic_pitch, motor_parameters
+from hw_bridge.profiles import magnetic_pitch
 
 if TYPE_CHECKING:
     from hw_bridge.bus import Network
@@ -49,11 +50,6 @@ DOWN = {  # on the way to a standstill
 }
 AT_REST = cia402.AT_REST
 CONTROLWORD = 0x60400010
-
-
-def force_constant_of(keys: NodeKeys) -> float:
-    """Force [N] or torque [N*m] at the member per ampere: from the hardware file, else from the motor's parameters."""
-    return keys.force_constant or motor_parameters(keys.drive, keys.motor).model.force_constant / keys.scale
 
 
 class Node(Station):

@@ -26,7 +26,6 @@ STANDSTILL = 2_000 * MILLISECOND  # longest time of a quick stop of a drive that
 BOOT = 500 * MILLISECOND  # longest time that a drive takes to answer after a reset
 BRAKING = 100 * MILLISECOND  # after its heartbeat time, for a drive that confirms nothing: reaction and ramp of its own
 SDO_TIMEOUT = 30 * MILLISECOND  # of one request to a drive whose process data stays away
-SILENT_CYCLES = 5  # so many cycles without process data are the end of a drive
 SENSOR_ERRORS = range(0x7300, 0x7400)  # EMCY codes of CiA 402: the sensors
 TRIES = 3  # of a frame that the interface does not take: its queue may be full for a moment
 GONE = 5  # so many cycles in a row that could not be sent are the end of the interface

@@ -93,6 +93,7 @@ def test_what_a_drive_says():
         assert text in safety.drive("d", node | change)
     monitor = {"force": 0.12345, "signal": "s", "above": 2.0, "retracts": "It retracts."}
     assert safety.watch(monitor) == "s is 0.123 N, stops above 2 N. It retracts"
+    assert safety.watch(monitor, " at 1.50 s") == "s is 0.123 N at 1.50 s, stops above 2 N. It retracts"
     assert safety.watch(monitor | {"force": None, "retracts": ""}) == "s is not known, stops above 2 N"
     figures = {"position": 0.001, "velocity": None, "current": 0.5}
     residual = {"now": figures, "bands": figures, "largest": figures, "warnings": ["drifts"]}

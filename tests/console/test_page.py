@@ -57,6 +57,31 @@ def test_it_runs_pauses_and_steps(page):
     page.wait_for_function(f"document.querySelector('#twin-how').textContent.includes('{before + 0.001:.3f} s')")
 
 
+def test_forces_say_whether_they_are_measured_and_charts_at_what_time(page):
+    """One view of a carriage in front of a wall, with a sensor and without; and the legend of a session that is paused."""
+    texts = page.evaluate(
+        """async () => {
+          const { drawViews } = await import("/web/views.js");
+          const part = (kind, ...names) => ({ kind, signals: Object.fromEntries(names.map((name) => [name, `${kind}.${name}`])), sizes: {} });
+          const parts = [part("carriage", "position", "velocity"), part("wall", "force"), part("force", "measured_force")];
+          const drawn = (own, values) => {
+            const place = document.createElement("div");
+            drawViews(place, [{ view: "rig", title: "", band: [0.1, 0.4], parts: own }])(values);
+            return [[...place.querySelectorAll("text")].map((text) => text.textContent), place.querySelector(".hand").getAttribute("x1")];
+          };
+          const values = { "carriage.position": 0.001, "wall.force": 0.25, "force.measured_force": 0.2 };
+          return [drawn(parts, values), drawn(parts.slice(0, 2), values)];
+        }"""
+    )
+    (both, hand), (true_force, _) = texts
+    assert "measured contact force 0.200 N, in range; true 0.250 N" in both
+    assert "true contact force 0.250 N, in range" in true_force
+    assert {"10 \u00d7", "1.0 mm", "4 mm"} <= set(both)
+    assert float(hand) == 20.0  # of a millimeter, beside 2 on the rail
+    title, newest = page.locator(".twin-pane-title").first.inner_text(), page.evaluate(NEWEST)
+    assert float(re.search(r" at ([\d.]+) s$", title)[1]) == pytest.approx(newest, abs=0.01)
+
+
 def test_a_value_is_set_in_the_unit_that_is_shown(page):
     page.get_by_text("Inputs and parameters").click()
     page.get_by_placeholder(re.compile("search .* inputs")).fill("servomotor.mass")

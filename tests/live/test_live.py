@@ -1,6 +1,7 @@
 """A session from outside: a person operates it, and what was done runs again to the bit."""
 
 import itertools
+import json
 import os
 import signal
 import subprocess
@@ -312,16 +313,24 @@ def test_odd_steps_from_an_odd_start(start, build, tmp_path):
     file = tmp_path / "beat.yaml"
     file.write_text(
         "{start_time: 1 s, stop_time: 2 s, step: 1/300 s, members: {heart: {component: heart}, "
-        "wall: {component: wall}}, connections: [heart.position -> wall.heart_position]}"
+        "wall: {component: wall}}, connections: [heart.position -> wall.heart_position], variants: {free: {}, pressed: {}}, "
+        "expect: [{name: bound, signal: wall.tip_position, at_most: 3 mm}, {name: own, signal: wall.tip_position, at_most: 0, "
+        "nominal: true}, {name: other, signal: wall.tip_position, at_most: 0, variants: free}]}"
     )
-    live = start(file, variant=None, seed=None, running=True, rate=10.0)
+    live = start(file, variant="pressed", seed=None, running=True, rate=10.0)
     until(lambda: live.state.time > 1.5, "half a second")
     live.set("wall.tip_position", "2 mm")
     until(lambda: live.state.phase == "paused", "the end of the scenario")
     assert live.state.time == 2.0
     live.resume()
     until(lambda: live.state.time > 2.5, "half a second more than the scenario has")
-    same_bits(live.stop(), build, tmp_path)
+    folder = live.stop()
+    same_bits(folder, build, tmp_path)
+    summary = json.loads((folder / "summary.json").read_text())
+    assert [case["variant"] for case in summary["cases"]] == ["pressed"]
+    assert {row["name"]: row["verdict"] for row in summary["expectations"]} == {"bound": "pass", "own": "skipped"}
+    assert "operated by hand, at other values than the file's: wall.tip_position at " in summary["notes"][0]
+    assert not summary["paper_applies"]
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ from tests.every_case import every_case
 from twin.errors import ScenarioError
 from twin.live.worker import endless
 from twin.run import resolve_catalogs
-from twin.scenario import controls_of, parse_scenario, single_case_yaml
+from twin.scenario import controls_of, criteria_yaml, parse_scenario, single_case_yaml
 
 HEAD = """
 stop_time: 1 s
@@ -90,16 +90,22 @@ def test_a_control_without_variants_is_there_where_its_input_is():
     assert [one.spec.input for one in controls(text, "other")] == ["command.pressed"]
 
 
-def test_one_variant_alone_is_a_scenario_without_what_judges_it():
+def test_one_variant_alone_is_a_scenario_with_the_criteria_that_it_can_meet():
     scenario = parse_scenario(
         HEAD.replace("console:", "") + "metrics: {far: {signal: servomotor.position, reduce: max}}\n"
-        "expect: [{metric: far, at_most: 1 mm}]\n"
+        "expect: [{metric: far, at_most: 1 mm}, {signal: command.held, at_most: 1, variants: [other]}]\n"
+        "groups: {both: [command, servomotor]}\n"
         "plots: [{title: A, signals: [servomotor.position], from: 0.5 s, variants: [one]}]\n"
         "events: [{at: 0.1 s, set: {command.pressed: true}}]\n"
     )
     texts = {case.variant: single_case_yaml(scenario, case, ["command.held"]) for case in scenario.variants}
-    one = endless(texts["one"], scenario.variants[0], scenario.path)
-    assert (one.metrics, one.expectations, one.seeds, len(one.plots)) == ({}, (), (0,), 1)
+    criteria = [criteria_yaml(scenario, case, ["servomotor.position"]) for case in scenario.variants]
+    assert criteria_yaml(scenario, scenario.variants[0], ["command.held"]) == ""
+    one = endless(texts["one"], scenario.variants[0], scenario.path, criteria[0])
+    assert (one.variants[0].variant, one.seeds, len(one.plots)) == ("one", (0,), 1)
+    assert one.metrics["far"].window.stop_ns == scenario.variants[0].stop_ns
+    assert [expectation.metric for expectation in one.expectations] == ["far"]
+    assert "far" not in texts["one"]  # operated.yaml may end before a window begins
     assert one.plots[0].window.start_ns is None
     assert [event.variable for event in one.variants[0].events] == ["command.pressed"]
     assert one.variants[0].stop_ns == 10**15

@@ -63,6 +63,22 @@ def test_wrong_names_are_one_line(fmu, tmp_path, names, message):
     assert any(message in problem for problem in caught.value.problems)
 
 
+def test_variables_that_an_fmu_names_differently_are_mapped_by_names(fmu, tmp_path):
+    text = (
+        OWN.replace("FMU,", f"{fmu},").replace("heart.position", "heart.positions").replace("heart.scale", "heart.gain")
+    )
+    with pytest.raises(ScenarioError) as caught:
+        run_scenario(parse_scenario(text, tmp_path / "s.yaml"), RunOptions(root=tmp_path))
+    (hint,) = (problem for problem in caught.value.problems if "`names:" in problem)
+    assert hint.partition(": ")[0].endswith("s.yaml:4")
+    assert (
+        "member `heart`: if heart.fmu has these variables under other names, map the scenario's names to its own"
+        in hint
+    )
+    assert "positions: position" in hint
+    assert "gain: ITS_NAME" in hint
+
+
 def test_only_an_fmu_has_names_of_its_own(tmp_path):
     (tmp_path / "s.yaml").write_text(OWN.replace("FMU,", "heart, names: {place: position},"))
     with pytest.raises(ScenarioError, match=r"s\.yaml:4\) is for FMUs\. Leave it out"):

@@ -293,3 +293,14 @@ def test_papers_figures_hold_at_the_papers_settings(option: str, applies: bool) 
 def test_wrong_override(option: str, expected: str) -> None:
     (line,) = problems(BASE, option)
     assert line.startswith(expected), line
+
+
+def test_texts_of_an_extended_file_are_marked_with_its_name(tmp_path):
+    text = "{title: First, description: What the first tries., source: a paper, stop_time: 1 s, members: {heart: {component: heart}}}"
+    (tmp_path / "first.yaml").write_text(text)
+    (tmp_path / "second.yaml").write_text("{extends: first.yaml, description: Another beat.}")
+    (tmp_path / "third.yaml").write_text("extends: second.yaml")
+    first, second, third = (load_scenario(tmp_path / f"{name}.yaml") for name in ("first", "second", "third"))
+    assert (first.description, first.source) == ("What the first tries.", "a paper")
+    assert (second.description, second.source) == ("Another beat.", "From first: a paper")
+    assert (third.description, third.source) == ("From second: Another beat.", "From first: a paper")

@@ -85,7 +85,8 @@ def bar(limit: Mapping[str, Any]) -> str:
 
 def details(status: Mapping[str, Any]) -> str:
     """Return force monitors, residuals of the shadow, modules and notes."""
-    rows = [(f"watch {name}", watch(entry)) for name, entry in status["watches"].items()]
+    instant = f" at {status['time']:.2f} s" if "time" in status else ""
+    rows = [(f"watch {name}", watch(entry, instant)) for name, entry in status["watches"].items()]
     rows += [
         (f"shadow {name}", shadow(entry, rotary=status["nodes"].get(name, {}).get("rotary", False)))
         for name, entry in status["shadow"].items()
@@ -96,10 +97,12 @@ def details(status: Mapping[str, Any]) -> str:
     return f"<dl>{listed}</dl><ul>{notes}</ul>"
 
 
-def watch(monitor: Mapping[str, Any]) -> str:
-    """Return a force monitor [N]: value, stop limit, and why the drive retracts if it does."""
+def watch(monitor: Mapping[str, Any], instant: str = "") -> str:
+    """Return a force monitor [N]: value and its `instant`, stop limit, and why the drive retracts if it does."""
     now = "not known" if monitor["force"] is None else f"{monitor['force']:.3f} N"
-    return f"{monitor['signal']} is {now}, stops above {monitor['above']:g} N. {monitor['retracts']}".rstrip(" .")
+    return f"{monitor['signal']} is {now}{instant}, stops above {monitor['above']:g} N. {monitor['retracts']}".rstrip(
+        " ."
+    )
 
 
 def shadow(residual: Mapping[str, Any], *, rotary: bool = False) -> str:

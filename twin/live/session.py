@@ -157,6 +157,15 @@ class Session:
         made = (self.simulated.time - self.case.start_ns) // self.case.step_ns
         return -(-(made + more) // self.macro) * self.macro - made
 
+    def changes_by_hand(self) -> list[str]:
+        """Return a line about the variables that the operator changed in the last run, or none."""
+        changes = self._executor.by_hand.items() if self._executor is not None else ()
+        texts = [
+            f"{name} at {clock.text(times[0])}{f' and {len(times) - 1} times more' * (len(times) > 1)}"
+            for name, times in changes
+        ]
+        return [f"operated by hand, at other values than the file's: {'; '.join(texts)}"] if texts else []
+
     def begin_pace(self) -> None:
         """Restart the schedule at the current time."""
         self.pace.begin(wall.monotonic(), clock.seconds(self.simulated.time))
@@ -329,6 +338,7 @@ class Session:
             self.channel.send_droppable(state=self.status())
             if self.drives is not None and instant - self._last_drive_status_time >= DRIVE_STATUS_PERIOD:
                 self._last_drive_status_time = instant
-                self.channel.send_droppable(hardware=self.drives.status())
+                time = clock.seconds(self.simulated.time)
+                self.channel.send_droppable(hardware={**self.drives.status(), "time": time})
         except ClosedError:
             self.gone = self.ending = True

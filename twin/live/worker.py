@@ -22,7 +22,7 @@ from twin.live.operator.operation_log import event_lines, time_text
 from twin.live.pacing import checked_rate
 from twin.live.session import Session
 from twin.run import Hardware, RunCallbacks, RunOptions, load_hardware, resolve_catalogs, run_scenario
-from twin.scenario import Backend, load_scenario, parse_scenario, single_case_yaml
+from twin.scenario import Backend, criteria_yaml, load_scenario, parse_scenario, single_case_yaml
 
 if TYPE_CHECKING:
     from twin.live.session import Drives
@@ -59,7 +59,8 @@ class SessionProcess:
             ]  # a drive lacks the local variables of the member it replaces
             names = [name for name in names if name.partition(".")[2] in drive_variables[name.partition(".")[0]]]
         session.scenario, session.variant, session.head = scenario, variant, single_case_yaml(scenario, case, names)
-        own = endless(session.head, case, scenario.path, is_limited="valid_until" in scenario.tree.entries)
+        criteria = criteria_yaml(scenario, case, names)
+        own = endless(session.head, case, scenario.path, criteria, is_limited="valid_until" in scenario.tree.entries)
         session.session_scenario = own
         return own
 
@@ -70,7 +71,9 @@ class SessionProcess:
         options = RunOptions(
             backend=Backend(job["backend"]), root=Path(job["runs"]), build=Path(job["build"]), report=job["report"]
         )
-        callbacks = RunCallbacks(progress=self.progress, run_case=session.course)
+        callbacks = RunCallbacks(
+            progress=self.progress, run_case=session.course, changes_by_hand=session.changes_by_hand
+        )
         while True:
             outcome = run_scenario(own, options, hardware=self.hardware, callbacks=callbacks)
             reason = "" if outcome.run.status == "completed" else outcome.run.reason
@@ -98,12 +101,15 @@ class SessionProcess:
             self.session.send(progress=name)
 
 
-def endless(head: str, case: Case, path: Path, is_limited: bool = False) -> ScenarioSpec:
-    """Return the scenario of a session without an end, with the events of its case. `is_limited`: valid until its end only."""
+def endless(head: str, case: Case, path: Path, criteria: str = "", is_limited: bool = False) -> ScenarioSpec:
+    """Return the scenario of a session without an end, with the events of its case.
+
+    `criteria`: YAML of metrics and expectations. `is_limited`: valid until its end only.
+    """
     end = case.stop_ns if is_limited else case.start_ns + MAX_DURATION // case.step_ns * case.step_ns
-    own = parse_scenario(f"stop_time: {time_text(end)}\n{head}", path)
+    own = parse_scenario(f"stop_time: {time_text(end)}\n{head}{criteria}", path)
     only = replace(own.variants[0], events=case.events, faults=case.faults, conditions=case.conditions)
-    text = f"stop_time: {time_text(case.stop_ns)}\n{head}events:\n{event_lines((*case.conditions, *case.events))}"
+    text = f"stop_time: {time_text(case.stop_ns)}\n{head}{criteria}events:\n{event_lines((*case.conditions, *case.events))}"
     return replace(own, variants=(only,), text=text)
 
 

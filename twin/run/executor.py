@@ -251,6 +251,9 @@ class RunExecutor:
             complete, failure = self.finish_case(number, case, cosimulation, complete, failure)
         if failure:
             result.mark_incomplete("failed", failure)
+        if changes := self.callbacks.changes_by_hand():
+            add_notes(info, changes)
+            result.scenario = replace(result.scenario, paper_applies=False)
         info.wall_time += duration
         last = None if cosimulation is None else cosimulation.last
         termination = result.terminations.get((case.variant, case.seed), HardwareTermination())

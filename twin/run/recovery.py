@@ -67,6 +67,8 @@ def restore_executor(
 
     data, folder = recording.header, recording.folder.parent
     options = replace(options, report=options.report and data["report"])
+    is_session = (folder / "operated.yaml").exists()  # its operator may have changed values
+    data = {**data, "paper_applies": data["paper_applies"] and not is_session}
     scenario = with_texts(load_scenario(folder / "scenario.yaml"), data)
     catalogs: dict[str, Any] = {}
     with suppress(TwinError):  # an FMU may be missing although its signals were recorded

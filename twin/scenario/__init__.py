@@ -34,7 +34,7 @@ if TYPE_CHECKING:
         member_seed,
     )
     from twin.scenario.ssp_writer import pack
-    from twin.scenario.yaml_files.single_case_yaml import single_case_yaml
+    from twin.scenario.yaml_files.single_case_yaml import criteria_yaml, single_case_yaml
     from twin.scenario.yaml_files.yaml_node import Node
     from twin.scenario.yaml_files.yaml_reader import read
     from twin.scenario.yaml_files.yaml_writer import Dumper
@@ -64,6 +64,7 @@ __all__ = [
     "check_events",
     "connected",
     "controls_of",
+    "criteria_yaml",
     "displayed",
     "dotted",
     "duration",
@@ -118,7 +119,7 @@ __getattr__, _, _ = lazy_loader.attach(
         "keys.quantities": ["duration", "nanoseconds", "number", "resolve", "short"],
         "resolution.variable_resolution": ["resolve_variables"],
         "keys.key_types": ["Keys", "Moment", "Period", "Reference", "Seed", "Text", "Time", "Value", "reference"],
-        "yaml_files.single_case_yaml": ["single_case_yaml"],
+        "yaml_files.single_case_yaml": ["criteria_yaml", "single_case_yaml"],
         "event_specs": ["ConditionSpec", "EventSpec", "FaultSpec"],
         "spec": [
             "Case",

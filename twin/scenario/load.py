@@ -144,8 +144,8 @@ def assemble(
         path,
         path.stem,
         keys.title or path.stem,
-        keys.description,
-        keys.source,
+        own_text(keys.description, "description", root, path),
+        own_text(keys.source, "source", root, path),
         keys.start_time,
         keys.stop_time or 0,
         keys.step or MILLISECOND,
@@ -174,6 +174,13 @@ def assemble(
     problems += check.check(scenario, keys, valid_tree, trees)
     cases = tuple(replace(case, record=record) for case in scenario.variants)
     return replace(scenario, variants=cases, tree=valid_tree if problems else root), problems
+
+
+def own_text(text: str, key: str, root: Node, path: Path) -> str:
+    """Return a text of a scenario; one that comes from a file that this one extends begins with the name of that file."""
+    origin = Path(root.find((key,)).location.file)
+    is_inherited = text and origin.suffix in (".yaml", ".yml") and str(origin) != str(path)
+    return f"From {origin.stem}: {text}" if is_inherited else text
 
 
 def variant_case(name: str, tree: Node, base: ScenarioKeys, classes: Mapping[str, type[Component]]) -> Case:

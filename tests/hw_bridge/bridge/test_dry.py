@@ -125,9 +125,11 @@ def test_what_would_have_been_sent_and_how_near_the_limits(tmp_path, build, caps
         notes[0]
         == f"dry run on simulated bus, power never on: servomotor: Switched on, no power; 0 of {CYCLES} process data lost."
     )
-    assert notes[1].startswith(
-        "servomotor: late_cycle hold, up to 60 ms: at 20 mm/s at most 1.2 mm; a program that dies: "
-    )
+    bound = "servomotor: late_cycle hold, up to 60 ms: at 20 mm/s at most 1.2 mm; a program that dies: "
+    assert notes[1].startswith(f"dry run on simulated bus, power never on: {bound}")
+    assert (
+        "current limit does, 18.39 N as it is set. Apart from that, actual values" in notes[1]
+    )  # as `hil check` reads it
     assert "servomotor in csp: target_position 0.00 mm to " in notes[2]
     assert "of 20.00 mm/s (" in notes[2]
     assert 20 < float(notes[2].partition("20.00 mm/s (")[2].partition(" %")[0]) < 60

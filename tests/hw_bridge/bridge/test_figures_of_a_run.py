@@ -216,7 +216,7 @@ class Announced:
         bus = {"simulated": True} if simulated else {"interface": "virtual", "channel": "x"}
         self.keys = HardwareKeys.model_validate({**bus, "nodes": {"a": node_keys()}, "cycle": cycle})
         self.stations = {"a": SimpleNamespace(name="a")}
-        self.plan = lambda station: station
+        self.plan = lambda station: SimpleNamespace(node=station, writes=[SimpleNamespace(index=0x6083, sub=0)])
         self.asking = lambda station: nullcontext()
 
 
@@ -235,7 +235,7 @@ def test_what_a_run_writes_is_printed_once_for_a_hardware_file(monkeypatch, tmp_
         announcement.announce(master)
         texts.append(capsys.readouterr().err)
     printed = (
-        "a: 1 objects are written, and restored at the end:\n"
+        "a: a run writes 1 objects, and restores them at its end:\n"
         "  6083h.0 Profile acceleration: 1 -> 2 (limits.acceleration)\n"
     )
     assert texts == ["", printed, "", printed, ""]

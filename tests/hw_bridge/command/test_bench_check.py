@@ -1,5 +1,6 @@
 """`twin hil check` and `reset`: differences between a bus and a hardware file, without a bus."""
 
+import re
 from types import SimpleNamespace
 
 import pytest
@@ -9,7 +10,7 @@ from hw_bridge.bus import MILLISECOND
 from hw_bridge.command import hil
 from hw_bridge.commission.bus_scan import DUPLICATE_ID, ScannedNode
 from hw_bridge.dictionary import State
-from hw_bridge.hardware import load
+from hw_bridge.hardware import HardwareKeys, load
 from hw_bridge.master import setup
 from hw_bridge.master.activity import active_drives
 from hw_bridge.master.plan import plan_drive
@@ -17,6 +18,10 @@ from tests.every_case import every_case
 from tests.hw_bridge.unconnected import WORDS, unconnected_node
 
 FILE = "simulated: true\nnodes:\n  axis: {node: 3, profile: faulhaber_v3}\n  other: {node: 4, profile: mclm}\n"
+
+
+def keys_of(node):
+    return HardwareKeys(simulated=True, nodes={"axis": node.keys})
 
 
 class Bench:
@@ -130,7 +135,7 @@ def test_what_a_run_would_write_is_shown(capsys):
         objects={"605Eh": 1},
         limits={"velocity": "2.5 m/s", "acceleration": "900 m/s^2", "force": "19 N"},
     )
-    master = SimpleNamespace(plan=lambda station: plan_drive(station, 5 * MILLISECOND, 127))
+    master = SimpleNamespace(keys=keys_of(node), plan=lambda station: plan_drive(station, 5 * MILLISECOND, 127))
     problems = hil.unready(master, node)
     assert problems == [
         (
@@ -140,17 +145,23 @@ def test_what_a_run_would_write_is_shown(capsys):
         "axis: is in Fault, 603Fh: 4310h temperature.",
     ]
     text = " ".join(capsys.readouterr().out.split())
-    assert text.startswith("axis: a run writes ")
-    count = int(text.removeprefix("axis: a run writes ").partition(" ")[0])
+    counts = re.match(r"axis: a run writes (\d+) objects, (\d+) of them .* at its end\. (\d+) have", text)
+    total, passing, count = map(int, counts.groups())
+    assert (
+        total
+        == passing + count
+        == len({(write.index, write.sub) for write in plan_drive(node, 5 * MILLISECOND, 127).writes})
+    )
+    assert "without it the drive's current limit does, 18.39 N as it is set." in text
     assert text.count("limits.velocity") >= 3
-    assert f"a run writes {count} objects, and restores them at its end: object name before after why" in text
+    assert f"{count} have another value during the run: object name before after why" in text
     assert "axis: stop, left as it is unless the hardware file says otherwise:" in text
     assert "note: axis: limits.velocity 2500 mm/s is above the drive's own 2000 mm/s (6080h)." in text
 
 
 def test_an_absurd_limit_is_a_problem():
     node = unconnected_node(values={(0x6041, 0): WORDS[State.DISABLED]}, limits={"velocity": "21 m/s"})
-    master = SimpleNamespace(plan=lambda station: plan_drive(station, 5 * MILLISECOND, 127))
+    master = SimpleNamespace(keys=keys_of(node), plan=lambda station: plan_drive(station, 5 * MILLISECOND, 127))
     assert hil.unready(master, node) == [
         f"axis: limits.velocity 21000 mm/s is above the drive's own 2000 mm/s ({index}). Correct the unit or the number."
         for index in ("6080h", "607Fh")

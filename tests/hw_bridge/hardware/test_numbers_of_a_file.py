@@ -5,6 +5,7 @@ from math import pi, sin
 import pytest
 
 from hw_bridge.bus import Frame, bit_count
+from hw_bridge.dictionary import Dictionary
 from hw_bridge.fault import Cause, Fault
 from hw_bridge.hardware import FaultKeys, HardwareKeys, gain_problem, motor_data, stall_bounds
 from hw_bridge.hardware.contradictions import max_gain
@@ -171,15 +172,17 @@ def test_displacement_of_a_drive_without_this_program(late_cycle, follow, tolera
 
 def test_bounds_as_text():
     keys = file(late_cycle={"stiffness": "200 N/m"}, force_constant="10 N/A")
-    peak = motor_data.peak(keys.nodes["axis"])
     (line,) = stall_bounds.bounds(keys, {"axis": False})
     assert line == (
         "axis: late_cycle hold, up to 60 ms: at 100 mm/s at most 6 mm; a program that dies: 7.25 mm until it misses the "
         "heartbeat and stands, 1.2 N and 1.45 N more against 200 N/m. Above 5 N this program stops it; without it the "
-        f"drive's current limit does, {peak:.3g} N as its profile has it."
+        "drive's current limit does, 15.8 N as its profile has it. Apart from that, actual values that are more than 21.25 ms "
+        "old at SYNC end the run (limits.actual_value_age)."
     )
+    for more in ({"at_most": "40 ms"}, {"policy": "stop"}):
+        assert stall_bounds.bounds(file(late_cycle=more), {"axis": False})[0].endswith("as its profile has it.")
     keys = file(late_cycle={"stiffness": "200000 N/m"}, force_constant="10 N/A")
-    assert f", {peak:.3g} N and {peak:.3g} N more against" in stall_bounds.bounds(keys, {"axis": False})[0]
+    assert ", 15.8 N and 15.8 N more against" in stall_bounds.bounds(keys, {"axis": False})[0]
     turning = {
         "limits": {
             "velocity": "90 deg/s",
@@ -193,6 +196,21 @@ def test_bounds_as_text():
         "axis: late_cycle hold, up to 60 ms: at 90 deg/s at most 5.4 deg; a program that dies: 9.9 deg until"
     )
     assert "stands. Above 5 N m this program" in line
+
+
+def test_the_force_of_a_drive_is_that_of_its_own_current_limits():
+    """6072h, 2000 of a thousand of 790 mA, is less than the motor's peak; `objects` of the file replace what was read."""
+    constant = motor_data.force_constant_of(file().nodes["axis"])
+    lowered = file(objects={"6072h": 500}).nodes["axis"]
+    read = Dictionary(lowered.drive.objects, 1)
+    read.put(0x6072, 1000)
+    assert motor_data.drive_force(file().nodes["axis"]) == pytest.approx(1.58 * constant)
+    assert motor_data.drive_force(file().nodes["axis"], read) == pytest.approx(0.79 * constant)
+    assert motor_data.drive_force(lowered, read) == motor_data.drive_force(lowered) == pytest.approx(0.395 * constant)
+    assert read.get(0x6072) == 1000
+    given = file(limits={**LIMITS, "actual_value_age": "21 ms"}, late_cycle={"at_most": "60 ms"})
+    assert "more than 21 ms old at SYNC" in stall_bounds.bound(given, "axis", given.nodes["axis"], False, read)
+    assert "9.196 N as it is set." in stall_bounds.bound(given, "axis", given.nodes["axis"], False, read)
 
 
 def test_the_peak_force_is_that_at_the_member():

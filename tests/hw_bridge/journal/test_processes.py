@@ -141,7 +141,7 @@ def test_after_a_whole_run(rig, tmp_path, build):
     process = started(rig, tmp_path, build, 1.0)
     out, err = process.communicate(timeout=120)
     assert process.returncode == 0, (out, err)
-    assert b"objects are written, and restored at the end" in err, (out, err)
+    assert b": a run writes " in err, (out, err)
     assert b"objects were changed for the run and are as before" in out, (out, err)
     compared(command, tmp_path)
 

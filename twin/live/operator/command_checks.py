@@ -51,6 +51,7 @@ class CommandExecutor:
         self.overridden: dict[str, Any] = {}
         self.done: list[dict[str, Any]] = []  # not sent yet
         self.count = 0
+        self.by_hand: dict[str, list[clock.Time]] = {}  # times of the changes of each variable by the operator
 
     def execute(self, kind: str, name: Any, value: Any = None, by_operator: bool = True) -> None:
         """Check a command and execute it now; raise RefusedError with one line if it is invalid."""
@@ -95,6 +96,9 @@ class CommandExecutor:
     def write(self, event: EventSpec | FaultSpec, kind: str, text: str, by_operator: bool) -> None:
         """Write an executed command to the log file and add it to `done`, which is sent next."""
         self.add_done(event.time_ns, kind, text, self.file.add(event), by_operator)
+        if by_operator:
+            name = event.variable if isinstance(event, EventSpec) else text
+            self.by_hand.setdefault(name, []).append(event.time_ns)
 
     def add_done(self, time: clock.Time, kind: str, text: str, line: str, by_operator: bool) -> None:
         """Add an executed command to `done`, which is sent next."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,12 +16,14 @@ from twin.scenario.keys import quantities
 from twin.scenario.resolution.restrict_to_known import restrict
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from twin.component import Component
     from twin.coupling import Catalog, MemberVariable
     from twin.scenario.resolution.variable_names import Variables
     from twin.scenario.spec import Case, MemberSpec, ScenarioSpec
+
+CLOSE = 0.7  # ratio of `difflib`: names that are less alike are not suggested
 
 
 class VariableCache:
@@ -115,7 +119,27 @@ def resolve_variables(scenario: ScenarioSpec, *, imports: bool = True) -> tuple[
     for case in restricted.variants:
         problems |= dict.fromkeys(check_members(case, catalogs[case.variant], variable_cache.classes))
     problems |= dict.fromkeys(check_against(restricted, catalogs, variable_cache.classes))
+    problems |= dict.fromkeys(advise_names(scenario, catalogs, list(problems)))
     return catalogs, list(problems)
+
+
+def advise_names(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog], problems: Sequence[str]) -> list[str]:
+    """Return a line for each FMU that lacks variables which the scenario names: how `names` maps them to the FMU's own."""
+    lines = []
+    for case in scenario.variants:
+        for name, member in case.members.items():
+            if not member.component.endswith(".fmu") or name not in catalogs[case.variant]:
+                continue
+            missing = re.compile(rf"(?<![\w.]){re.escape(name)} has no variable [`']([^`'\[]+)")
+            wanted = dict.fromkeys(match[1] for problem in problems for match in missing.finditer(problem))
+            own = [variable for variable in catalogs[case.variant][name] if variable != "time"]
+            pairs = [f"{key}: {next(iter(get_close_matches(key, own, 1, CLOSE)), 'ITS_NAME')}" for key in wanted]
+            if pairs:
+                lines.append(
+                    f"{member.where}: member `{name}`: if {Path(member.component).name} has these variables under other names, "
+                    f"map the scenario's names to its own: `names: {{{', '.join(pairs)}}}`."
+                )
+    return lines
 
 
 def resolve_case(case: Case) -> Catalog:

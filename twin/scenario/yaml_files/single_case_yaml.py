@@ -1,17 +1,19 @@
-"""Conversion of one case to a standalone scenario without acceptance criteria, from which a live session starts."""
+"""Conversion of one case to a standalone scenario, from which a live session starts, and of the criteria that it can meet."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from twin import clock
 from twin.results import Plot
 from twin.scenario.yaml_files import yaml_writer
 from twin.scenario.yaml_files.merge import variant_trees
 from twin.scenario.yaml_files.yaml_node import Node
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Collection, Iterable, Sequence
 
+    from twin.results import Expression
     from twin.scenario.spec import Case, ScenarioSpec
     from twin.scene import Scene
 
@@ -31,6 +33,8 @@ LEFT_OUT = (
     "mutations",
     "summary",
 )
+UNNAMED = "base"  # variant of a scenario without variants
+SELECTION = ("variants", "except", "reference", "paper", "tolerance")  # keys of a criterion that name variants
 WHEN = ("from", "to", "variants", "per")  # keys of a plot or scene that select runs and a time window
 
 
@@ -53,12 +57,68 @@ def single_case_yaml(scenario: ScenarioSpec, case: Case, record: Sequence[str]) 
     ]
     if console_nodes:
         entries["console"] = Node({"controls": Node(console_nodes, location)}, location)
+    if groups := root.entries.get("groups"):  # of members that all are in this variant
+        own = {
+            name: group
+            for name, group in groups.entries.items()
+            if {item.value for item in group.items} <= set(case.members)
+        }
+        entries["groups"] = Node(own, location)
+    if scenario.variants[0].variant != UNNAMED:
+        entries["variants"] = Node({case.variant: Node({}, location)}, location)
     entries |= {
         "title": Node(title, location),
         "seeds": Node.of([case.seed], location),
         "record": Node.of(record_keys, location),
     }
     return yaml_writer.text(Node(entries, location))
+
+
+def criteria_yaml(scenario: ScenarioSpec, case: Case, recorded: Collection[str]) -> str:
+    """Return metrics and expectations that one variant with these recorded variables can meet, as YAML; else empty.
+
+    Windows without an end stop at that of the case, and references are those of its variant. Left out: what compares
+    variants, and how a run has to end, which an operator decides.
+    """
+    root, location, variant = scenario.tree, scenario.tree.location, case.variant
+
+    def applies(variants: Sequence[str], signal: Expression) -> bool:
+        return variant in (variants or (variant,)) and all(operand.name in recorded for operand in signal.signals)
+
+    def windowed(node: Node) -> dict[str, Node]:
+        own = {key: item for key, item in node.entries.items() if key not in SELECTION}
+        return {"to": Node(clock.exact_text(case.stop_ns), location), **own}
+
+    metrics = {}
+    for name, metric in scenario.metrics.items():
+        if applies(metric.variants, metric.signal):
+            node = root.find(("metrics", name))
+            metrics[name] = windowed(node)
+            if variant in metric.paper:
+                metrics[name] |= {"reference": reference_of(node, variant)}
+                metrics[name] |= {key: item for key, item in node.entries.items() if key == "tolerance"}
+    expectations = []
+    for index, expectation in enumerate(scenario.expectations):
+        node = root.find(("expect", index))
+        if expectation.ordered or expectation.ends or variant not in (expectation.variants or (variant,)):
+            continue
+        if expectation.metric in metrics:
+            expectations.append({key: item for key, item in node.entries.items() if key not in SELECTION})
+        elif expectation.signal is not None and applies((), expectation.signal):
+            expectations.append(windowed(node))
+    entries = {
+        "metrics": Node({name: Node(keys, location) for name, keys in metrics.items()}, location),
+        "expect": Node([Node(keys, location) for keys in expectations], location),
+    }
+    entries = {key: node for key, node in entries.items() if node.value}
+    return yaml_writer.text(Node(entries, location)) if entries else ""
+
+
+def reference_of(node: Node, variant: str) -> Node:
+    """Return the reference of a metric for one variant, as a table."""
+    given = node.entries.get("reference") or node.entries["paper"]
+    own = given.entries[variant] if given.entries else given
+    return Node({variant: own}, node.location)
 
 
 def shown(root: Node, key: str, specs: Iterable[Plot | Scene], case: Case) -> Iterable[Node]:

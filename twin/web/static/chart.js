@@ -93,6 +93,7 @@ export class Chart {
     title.className = "twin-pane-title";
     title.textContent = [pane.title, pane.unit && `[${pane.unit}]`].filter(Boolean).join(" ");
     pane.curves.forEach((curve) => row.append(this.chip(curve, index)));
+    pane.instant = title.appendChild(document.createElement("span"));
     return row;
   }
 
@@ -234,8 +235,11 @@ export class Chart {
     this.notify("drawn", {});
   }
 
-  // values of the legend: the last, or those at the cursors with their difference
+  // values of the legend: the last with their time, or those at the cursors with their difference
   values(pane) {
+    const last = pane.own || this.cursors.length || !this.follow ? [] : pane.curves.map((curve) => this.data[curve.name]?.x.at(-1)).filter(isFinite);
+    const instant = last.length ? ` at ${Math.max(...last).toFixed(2)} s` : "";
+    if (pane.instant.textContent !== instant) pane.instant.textContent = instant;
     const at = (data, x) => { const k = before(data.x, x); return k < 0 ? NaN : data.y[k]; };
     for (const curve of pane.curves) {
       const data = this.data[curve.name];

@@ -26,13 +26,22 @@ export function force(svg, x, y, width, band, most = 0.6, label = "contact force
   make(svg, "rect", { x, y, width, height: 14, rx: 3, class: "track" });
   make(svg, "rect", { x: at(band[0]), y, width: at(band[1]) - at(band[0]), height: 14, class: "band" });
   const bar = make(svg, "rect", { x, y: y + 3, width: 0, height: 8, rx: 2, class: "bar" });
-  for (const edge of new Set([0, ...band, most])) make(svg, "text", { x: at(edge), y: y + 27, class: "small middle" }, String(edge));
+  for (const edge of new Set([0, ...band, most])) make(svg, "text", { x: at(edge), y: y + 27, class: "small middle edge" }, String(edge));
   const right = x > 500; // its letters are larger on a narrow page, and must not leave the picture
   const text = make(svg, "text", { x: right ? x + width : x, y: y - 6, class: right ? "label end" : "label" }, label);
-  return (value) => {
+  return (value, name = label, more = "") => {
     const inside = value >= band[0] && value <= band[1];
     set(bar, { width: at(value) - x, class: `bar ${value > band[1] ? "bad" : inside ? "good" : ""}` });
-    say(text, `${label} ${value.toFixed(3)} N${value > band[1] ? ", too high" : inside ? ", in range" : ""}`);
+    say(text, `${name} ${value.toFixed(3)} N${value > band[1] ? ", too high" : inside ? ", in range" : ""}${more}`);
+  };
+}
+
+// the contact force: measured where a sensor measures it, and the true one; returns (of) => void
+export function contactForce(svg, x, y, width, band, sensor, wallPart) {
+  const bar = force(svg, x, y, width, band);
+  return (of) => {
+    const measured = of(sensor, "measured_force"), actual = of(wallPart, "force"), both = measured !== undefined && actual !== undefined;
+    bar(measured ?? actual ?? 0, `${measured === undefined ? "true" : "measured"} contact force`, both ? `; true ${actual.toFixed(3)} N` : "");
   };
 }
 

@@ -1,6 +1,6 @@
 // The bench of paper B: slides of handle, wires and needle, the injection catheter that they bend, and its tip from the front.
 
-import { clamp, force, make, parts, say, set, sheet, wall } from "./draw.js";
+import { clamp, contactForce, make, parts, say, set, sheet, wall } from "./draw.js";
 
 const PX = 9000;                // [px/m] of the tip
 const GUIDE = 560, LEVEL = 150; // end of the guide
@@ -23,7 +23,7 @@ export function bench(place, view) {
   make(svg, "path", { d: `M${FRONT[0] - FRONT[2]} ${FRONT[1]}h${2 * FRONT[2]}M${FRONT[0]} ${FRONT[1] - FRONT[2]}v${2 * FRONT[2]}`, class: "axis" });
   make(svg, "text", { x: FRONT[0], y: FRONT[1] + FRONT[2] + 18, class: "small middle" }, "tip from the front, 15 mm");
   const trail = make(svg, "polyline", { class: "trail" }), dot = make(svg, "circle", { r: 5, class: "tip" });
-  const bar = (sensor || wallPart) && force(svg, 400, 34, 250, view.band);
+  const bar = (sensor || wallPart) && contactForce(svg, 400, 34, 250, view.band, sensor, sensor ? undefined : wallPart);
   const text = make(svg, "text", { x: 385, y: 238, class: "small" });
   const been = [];
 
@@ -41,7 +41,7 @@ export function bench(place, view) {
     set(end, { cx: at[0], cy: at[1] });
     const load = of(sensor, "measured_force") ?? of(wallPart, "force") ?? 0;
     if (front) front(clamp(GUIDE + 70 + PX * 0.8 * ((wallPart.sizes.surface_position ?? 0) + (of(heart, "position") ?? 0)), GUIDE + 60, 800), clamp(load * 40, 0, 20));
-    if (bar) bar(load);
+    if (bar) bar(of);
     const scale = FRONT[2] / 0.015, seen = [FRONT[0] + clamp(flat ? 0 : x, -0.016, 0.016) * scale, FRONT[1] - clamp(y, -0.016, 0.016) * scale];
     set(dot, { cx: seen[0], cy: seen[1] });
     const last = been[been.length - 1];

@@ -1,12 +1,13 @@
 // The rig of paper A: carriages with their grippers, the instrument in its sheath, the wall at its end.
 
-import { clamp, force, make, parts, say, set, sheet, wall } from "./draw.js";
+import { clamp, contactForce, make, parts, say, set, sheet, wall } from "./draw.js";
 
 const MM = 2000;              // [px/m] along the carriages
 const LINE = 96, RAIL = 196;  // height of the instrument, of the rail
 const VALVE = 612, END = 800, OUT = 186;  // begin and end of the sheath, height of its end
 const SHEATH = `M${VALVE} ${LINE} H705 A45 45 0 0 1 750 ${LINE + 45} A45 45 0 0 0 795 ${LINE + 90} H${END}`;
 const DRAWN = [93, 70.7, 75.7];  // lengths of its straight part and bends as drawn
+const LENS = 20, SEEN = 4;    // [px/mm] of the magnified scale of a carriage, and [mm] to both sides of its middle
 const SECTIONS = [0.343, 0.0785, 0.0785];
 const TIP = 3000, TOUCH = 900;   // [px/m] at the wall; where it is at rest
 
@@ -41,20 +42,22 @@ export function rig(place, view) {
   const inside = make(svg, "path", { d: guided ? SHEATH : "", class: "shaft", pathLength: 1000 });
   const front = wallPart && wall(svg, OUT, 990);
   const tip = make(svg, "path", { class: "shaft" }), end = make(svg, "circle", { r: 5, class: "tip", visibility: "hidden" });
-  const bar = (wallPart || one("force")) && force(svg, 660, 34, 320, view.band);
+  const bar = (wallPart || one("force")) && contactForce(svg, 660, 34, 320, view.band, one("force"), wallPart);
   const dial = one("rotation") && rotation(svg, 960, bar ? 96 : 44);
   const state = make(svg, "text", { x: END - 20, y: 242, class: "small" });
   carriages.forEach((part) => part.raise());
+  const magnify = drives.length === 1 && lens(svg, centers[0]);
 
   return (of) => {
     const moved = drives.map((drive, k) => carriages[k].move(of));
     const along = of(instrument, "proximal_position") ?? moved[0] ?? 0;
+    if (magnify) magnify(moved[0]);
     set(marks, { "stroke-dashoffset": -along * MM });
     if (dial) dial(of(one("rotation"), "angle") ?? 0);
     const depth = of(instrument, "insertion_depth"), lengths = instrument?.sizes.section_length || SECTIONS;
     const whole = lengths.reduce((a, b) => a + b, 0);
     set(inside, { "stroke-dasharray": `${depth === undefined ? 1000 : passed(depth, lengths)} 2000` });
-    if (bar) bar(of(one("force"), "measured_force") ?? of(wallPart, "force") ?? 0);
+    if (bar) bar(of);
     const sequencer = one("sequencer");
     if (sequencer) say(head, `step ${of(sequencer, "step_number") ?? "–"} · gripper ${of(sequencer, "leading") ?? "–"} leads · hand-overs: ${of(sequencer, "regrip_count") ?? 0}`);
     if (!guided) return;
@@ -122,6 +125,24 @@ function carriage(svg, drive, center, cylinder, sleeve, braid) {
       say(name, `${(position * 1e3).toFixed(1)} mm`);
       return position;
     },
+  };
+}
+
+// the position of a carriage ten times as large, on the side where it is not: strokes of a millimeter would not be seen
+function lens(svg, center) {
+  const group = make(svg, "g"), half = LENS * SEEN, y = 158;
+  make(group, "rect", { x: -half - 8, y: y - 26, width: 2 * half + 16, height: 30, rx: 4, class: "base" });
+  for (let mm = -SEEN; mm <= SEEN; mm++) make(group, "line", { x1: mm * LENS, x2: mm * LENS, y1: y, y2: y - (mm % SEEN ? 6 : 12), class: "tick" });
+  const hand = make(group, "line", { y1: y - 22, y2: y, class: "hand" });
+  const numbers = [-SEEN, 0, SEEN].map((mm) => [mm, make(group, "text", { x: mm * LENS, y: y + 17, class: "small middle rail-number" })]);
+  make(group, "text", { x: 0, y: y - 32, class: "small middle" }, `${(1000 * LENS) / MM} \u00d7`);
+  let middle = 0;
+  return (position) => {
+    const mm = 1000 * position;
+    if (Math.abs(mm - middle) > SEEN) middle = Math.round(mm);
+    set(hand, { x1: (mm - middle) * LENS, x2: (mm - middle) * LENS });
+    set(group, { transform: `translate(${center + (mm > 0 ? -170 : 160)} 0)` });
+    for (const [offset, text] of numbers) say(text, `${middle + offset}${offset === SEEN ? " mm" : ""}`);
   };
 }
 

@@ -25,7 +25,8 @@ export function vessel(place, view) {
     for (const [target, circle, text] of marks) {
       const [cx, cy] = to(target.at);
       set(circle, { cx, cy, r: Math.max(target.tolerance * scale, 6) });
-      set(text, { x: cx, y: cy + 26 });
+      const side = cx > 880 ? "end" : cx < 120 ? "" : "middle";  // no name leaves the picture
+      set(text, { x: side === "end" ? 996 : side ? cx : 4, y: cy + 26, class: `small ${side}` });
     }
     make(svg, "path", { d: `M${970 - 0.05 * scale} 14v6h${0.05 * scale}v-6`, class: "scale" });
     make(svg, "text", { x: 970, y: 34, class: "small end" }, "50 mm");
