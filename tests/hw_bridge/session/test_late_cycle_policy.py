@@ -177,6 +177,6 @@ def test_what_is_told_before_a_run():
     assert one == (
         "a: late_cycle slow_down, up to 20 ms: at 100 mm/s at most 2 mm; a program that dies: 6.5 mm until it misses the "
         "heartbeat and stands, 0.4 N and 1.3 N more against 200 N/m. Above 5 N this program stops it; "
-        "without it the drive's current limit does, 27.6 N as its profile has it."
+        "without it the drive's current limit does, 18.39 N as its profile has it."
     )
     assert re.search(r"at most 0\.5 mm; a program that dies: 1 mm", other), "csp stands where its last target was"
