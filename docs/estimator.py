@@ -75,10 +75,11 @@ def draw_search() -> None:
 
 def rates_table(folder: Path) -> str:
     """A row for each heart rate: parts of the time in which the filter's rate is off by a quarter or more, and its status."""
+    variants = {f"{rate} Hz": {"members": {"heart": {"parameters": {"rate": f"{rate} Hz"}}}} for rate in RATES}
     content = {
         "extends": "heart_motion.yaml",
         "stop_time": "120 s",
-        "variants": {f"{rate} Hz": {"members": {"heart": {"parameters": {"rate": f"{rate} Hz"}}}} for rate in RATES},
+        "variants": variants,
         "metrics": None,
         "expect": None,
         "plots": [],
@@ -87,7 +88,7 @@ def rates_table(folder: Path) -> str:
     scenario = parse_scenario(yaml.safe_dump(content, sort_keys=False), ROOT / "scenarios" / "heart rates.yaml", [])
     options = RunOptions(
         backend=Backend.compiled,
-        variants=list(content["variants"]),
+        variants=list(variants),
         seeds=list(RATE_SEEDS),
         root=folder,
         build=ROOT / "build",
