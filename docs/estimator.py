@@ -76,7 +76,7 @@ def draw_search() -> None:
 def rates_table(folder: Path) -> str:
     """A row for each heart rate: parts of the time in which the filter's rate is off by a quarter or more, and its status."""
     variants = {f"{rate} Hz": {"members": {"heart": {"parameters": {"rate": f"{rate} Hz"}}}} for rate in RATES}
-    content = {
+    content: dict[str, Any] = {
         "extends": "heart_motion.yaml",
         "stop_time": "120 s",
         "variants": variants,
