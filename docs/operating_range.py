@@ -34,7 +34,6 @@ from twin.scenario import Backend, parse_scenario
 PAGE = ROOT / "docs" / "explanation" / "operating_range.md"
 DATA = PAGE.with_suffix(".csv")
 SEEDS, TUNED = (9101, 9102, 9103), (10101, 10102, 10103)  # of the map, of the tuning; used for nothing else
-HIGHEST_RATE = 2.9  # [Hz] that controllers and estimator look for: that of phase_locked_control, 2.8 for its rivals
 SETTLED = 12.0  # [s] from which the force is judged
 LEAST, MOST = 100.0, 400.0  # clinical range of the true force [mN]
 TRIALS = 40
@@ -179,9 +178,7 @@ class Result:
 def variant(rival: Rival, values: dict[str, float]) -> dict[str, Any]:
     """The rival under a condition, as a variant of the scenario."""
     members: dict[str, Any] = {"controller": {"component": rival.component}}
-    if rival.wall:  # the heart rates that the force controllers look for
-        members["estimate"] = {"parameters": {"estimator.rate_maximum": HIGHEST_RATE}}
-    else:
+    if not rival.wall:
         members |= {"tip": None, "estimate": None}
     for path, value in values.items():
         member, own = path.split(".", 1)

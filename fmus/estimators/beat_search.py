@@ -43,12 +43,12 @@ class BeatSearch(Component):
         source="chosen: 42 beats a minute; five seconds hold three and a half beats",
     )
     rate_maximum = parameter(
-        2.2,
+        2.9,
         "Hz",
         "highest heart rate looked for",
         maximum=3.0,
         fixed=True,
-        source="chosen: 132 beats a minute; above 3 Hz 25 samples a second are too few",
+        source="150 beats a minute that wander by 5 %, three deviations; above 3 Hz 25 samples a second are too few",
     )
 
     axis = local(0.0, "", "direction of the heart's motion", shape=(3,))
@@ -84,7 +84,7 @@ def forget(self: BeatSearch) -> None:
 def remember(self: BeatSearch, spacing: float, time: float, x: float, y: float, z: float) -> bool:
     """Take a sample; True when the ring has a new one: the median of three, so that single outliers are left out.
 
-    At least `spacing` [s] lie between two: at 25 Hz they hold four harmonics of 2.2 Hz.
+    At least `spacing` [s] lie between two: at 25 Hz they hold four harmonics of 2.9 Hz.
     """
     last = self.recent_count % 3
     self.recent[last, 0] = time

@@ -243,6 +243,23 @@ def test_the_rate_is_not_taken_for_its_half_or_double(native, second, rate):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("rate", [2.3, 2.5])
+def test_a_fast_heart_that_wanders_is_not_followed_at_half_its_rate(native, rate):
+    times, wall = beating(native, 40.0, rate=rate, wander=0.05, seed=53, respiration=3e-3)
+    found = estimated(native, tracked(wall))
+    assert (found.rate[times > LEARNED] > 0.75 * rate).all()
+
+
+@pytest.mark.slow
+def test_a_heart_beyond_the_range_that_is_followed_at_half_its_rate_is_in_doubt(native):
+    times, wall = beating(native, 30.0, rate=3.4, wander=0.02)
+    found = estimated(native, tracked(wall))
+    late = times > LEARNED
+    np.testing.assert_allclose(found.rate[late].mean(), 1.7, rtol=0.05)
+    assert (found.status[late] == DEGRADED).all()
+
+
+@pytest.mark.slow
 def test_a_rate_that_ramps(native):
     times = np.arange(round(40.0 / H)) * H
     rate = np.interp(times, [10.0, 30.0], [0.8, 2.0])

@@ -87,8 +87,6 @@ class PhaseDomainRepetitiveControl(LearnedControl, BeatSearch, PhaseFilter):
     )
     breath_rate_estimate = output("Hz", "rate of respiration; without any, without meaning")
 
-    rate_maximum = parameter(2.9, "Hz", "highest heart rate looked for", maximum=3.0, fixed=True,
-                             source="150 beats a minute that wander by a tenth; four harmonics of it are below 15 Hz")
     noise = parameter(
         0.5e-3,
         "m",

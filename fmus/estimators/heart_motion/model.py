@@ -32,6 +32,7 @@ ADAPTING = 2.0  # [s] over which the noise is averaged
 PASSING = 0.1  # [s] over which the strain is averaged
 STRAINED, RELAXED, CAP = 6.0, 3.0, 25.0  # squared innovation over its variance: one on the average, if all is well
 
+ODD = 0.05  # part of the beat's power in odd harmonics below which it is one of twice the rate: 0.15 and more at the right one
 UNSURE = 0.5  # [rad] deviation of the phase from which it is looked for anew
 STALE = 0.2  # [s] after which the latest sample of the ring says nothing of now
 LONGEST_STEP = 10e-3  # [s] of the filter where no samples come
@@ -285,6 +286,13 @@ def doubtful(self: HeartMotion) -> bool:
     return self.off_beat or self.doubt > 0 or not 0.75 * self.rate_minimum < rate < 1.33 * self.rate_maximum
 
 
+def is_half_rate(self: HeartMotion) -> bool:
+    """Return whether nearly all of the beat is in even harmonics: then the heart beats at twice the filter's rate."""
+    odd = self.amplitude[0] * self.amplitude[0] + self.amplitude[2] * self.amplitude[2]
+    even = self.amplitude[1] * self.amplitude[1] + self.amplitude[3] * self.amplitude[3]
+    return odd < ODD * (odd + even)
+
+
 def watch(self: HeartMotion) -> None:
     """Continue the search in parallel to the filter; restart with half or twice the rate if it is found three times in a row.
 
@@ -380,5 +388,5 @@ def publish(self: HeartMotion, t: float, h: float) -> None:
     self.rate = self.mean[RATE] / (2.0 * pi) if is_following else 0.0
     self.status = LOST
     if is_following:
-        sure = self.unseen < PASSING and not doubtful(self)
+        sure = self.unseen < PASSING and not doubtful(self) and not is_half_rate(self)
         self.status = VALID if sure else DEGRADED
