@@ -81,7 +81,7 @@ def test_a_variant_is_removed_with_what_names_only_it(extending) -> None:  # typ
     assert (scenario.metrics["rise"].paper, scenario.metrics["rise"].tolerance) == ({}, None)
     assert [item.name for item in scenario.expectations] == ["range", "listed"]
     assert scenario.plots == ()
-    left_out = "1 metric, 2 expectations, 1 plot that name no other variant."
+    left_out = "1 metric, 2 expectations, 1 plot, naming no other variant."
     assert notes == [f"note: mine.yaml:2: left out with fast: {left_out}"]
 
 

@@ -67,7 +67,7 @@ def remove_variants(base: Node, root: Node, problems: list[str]) -> Node:
             lost_metrics = before.entries.keys() - after.entries.keys()
     if texts:
         where = next(iter(removed.values())).location
-        note(f"{where}: left out with {', '.join(removed)}: {', '.join(texts)} that name no other variant.")
+        note(f"{where}: left out with {', '.join(removed)}: {', '.join(texts)}, naming no other variant.")
     return Node(entries, base.location)
 
 
