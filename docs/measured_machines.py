@@ -25,6 +25,7 @@ NAMES = {
     "linear_second_order": "linear, second order",
     "narx": "black box: recurrent network (NARX)",
     "network": "black box: static network",
+    "play_network": "black box: network of plays",
 }
 MACHINES = {
     "tendon_robot": ("tendon_robot", "docs/explanation/tendon_robot.md"),

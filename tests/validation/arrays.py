@@ -5,7 +5,7 @@ import numpy as np
 from twin.validation.data import Data
 
 
-def data_of(inputs, measured, *, step=0.1, rates=None, files=None, labels=(), initial=None, jumps=0):
+def data_of(inputs, measured, *, step=0.1, rates=None, files=None, labels=(), initial=None, jumps=0, turned=()):
     """Windows whose samples lie on the grid: per window arrays of shape (rows, inputs) and (rows, outputs).
 
     `files`: the file of each window, one for all by default.
@@ -30,4 +30,5 @@ def data_of(inputs, measured, *, step=0.1, rates=None, files=None, labels=(), in
         labels=np.array(labels),
         jumps=jumps,
         changes={},
+        turned=turned,
     )

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.validation.arrays import data_of
+from twin.errors import TwinError
 from twin.validation.baselines import (
     features,
     fit_baseline,
@@ -136,3 +137,32 @@ def test_plays_are_found():
     assert predict_baseline("play_cubic", frozen, data) == pytest.approx(own, abs=1e-5)
     frozen = fit_baseline("cubic", data, np.ones(60, bool))
     assert np.max(np.abs(predict_baseline("cubic", frozen, data) - own)) > 0.1
+
+
+def test_baselines_learn_the_frame_and_the_start_from_the_first_sample():
+    """The frame of the second window is turned in its first output, and both windows begin elsewhere."""
+    u = np.linspace(0.0, 2.0, 9)[:, None]
+    y = np.hstack([1.0 + 3.0 * u, 2.0 - u, 0.5 * u])
+    measured = [y, y * [-1.0, 1.0, 1.0] + [0.1, 0.2, -0.3]]
+    data = data_of([u, u], measured, turned=(0,), files=[0, 1])
+    frozen = fit_baseline("line", data, data.window_index == 0)
+    assert predict_baseline("line", frozen, data) == pytest.approx(data.measured, abs=1e-6)
+    plain = data_of([u, u], measured, files=[0, 1])
+    with pytest.raises(TwinError, match="was fitted with the key `turned`"):
+        predict_baseline("line", frozen, plain)
+    without = predict_baseline("line", fit_baseline("line", plain, plain.window_index == 0), plain)
+    assert np.max(np.abs(without - plain.measured)) > 5.0
+
+
+def test_a_network_of_plays_knows_hysteresis():
+    """A static map of the input alone cannot tell the branches of a loop apart."""
+    pytest.importorskip("sklearn")
+    u = 2 * np.sin(np.arange(400) / 20)[:, None]
+    y = plays(u, [4.0])[:, 4:5]
+    data = data_of([u], [y])
+    rows = np.ones(400, bool)
+    errors = {}
+    for name in ("network", "play_network"):
+        predicted = predict_baseline(name, fit_baseline(name, data, rows), data)
+        errors[name] = np.sqrt(np.mean((predicted - data.measured)[50:] ** 2))
+    assert errors["play_network"] < 0.2 * errors["network"]

@@ -3,15 +3,21 @@
 `line`, `quadratic` (with cross terms), `cubic`: static polynomials in the inputs. `play_cubic`: a Prandtl-Ishlinskii
 operator (sum of play operators, Kuhnen, European Journal of Control 9(4), 2003) with the terms of a cubic.
 `linear_second_order`: each output as a second-order system driven by the inputs, rolled out from its first sample.
-`narx`, `network`: small neural networks, see there.
+`narx`, `network`: small neural networks, see there. `play_network`: a network of the inputs and their plays, so that a
+black box has a memory as long as hysteresis has.
+
+Where recordings have turned frames (`turned` of a set), a component learns the frame and the start from the first sample,
+and so does each baseline.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin.errors import TwinError
 from twin.validation.networks import LAGS, fit_network, predict_network
 
 if TYPE_CHECKING:
@@ -113,22 +119,64 @@ def fit_second_order(data: Data, rows: Array, output: int) -> Array:
     return coefficients(best.x)
 
 
-def fit_baseline(name: str, data: Data, rows: Array) -> dict[str, Any]:
-    """Fit a baseline to some rows of the data; returns plain numbers."""
+def with_plays(data: Data, spans: Sequence[float]) -> Data:
+    """The data with plays of the inputs as further inputs."""
+    return replace(data, inputs=tuple(np.hstack([window, plays(window, spans)]) for window in data.inputs))
+
+
+def from_first_sample(data: Data, usual: Array) -> tuple[Data, Array, Array]:
+    """The data less the first sample of each window, in the frame of `usual`; signs of that frame and first samples, (N, outputs).
+
+    The signs of `turned` outputs are those that bring a window's first sample closer to `usual`.
+    """
+    starts = data.first_measured()
+    signs = np.ones_like(starts)
+    for sign, start in zip(signs, starts, strict=True):
+        opposite = sign.copy()
+        opposite[list(data.turned)] = -1.0
+        if np.sum((opposite * start - usual) ** 2) < np.sum((start - usual) ** 2):
+            sign[:] = opposite
+    signs, starts = signs[data.window_index], starts[data.window_index]
+    return replace(data, measured=signs * (data.measured - starts), turned=()), signs, starts
+
+
+def less_first(values: Array, data: Data) -> Array:
+    """Values at the samples less that at the first sample of their window."""
+    _, first = np.unique(data.window_index, return_index=True)
+    return np.asarray(values - values[first][data.window_index])
+
+
+def fit_baseline(name: str, data: Data, rows: Array, *, relative: bool = False) -> dict[str, Any]:
+    """Fit a baseline to some rows of the data; returns plain numbers. `relative`: measurements are less the first sample."""
+    if data.turned:
+        usual = data.measured[rows][0]
+        own = fit_baseline(name, from_first_sample(data, usual)[0], rows, relative=True)
+        return {**own, "usual": usual.tolist()}
     if name == "linear_second_order":
         return {"coefficients": [fit_second_order(data, rows, i).tolist() for i in range(data.measured.shape[1])]}
+    spans = np.ptp(np.concatenate(data.inputs), axis=0).tolist()
+    if name == "play_network":
+        return {**fit_network(name, with_plays(data, spans), rows), "spans": spans}
     if name in LAGS:
         return fit_network(name, data, rows)
-    inputs = np.concatenate(data.inputs)
-    spans = np.ptp(inputs, axis=0).tolist()
-    matrix = features(name, data, spans)[rows]
-    return {"spans": spans, "coefficients": least_squares(matrix, data.measured[rows]).T.tolist()}
+    matrix = features(name, data, spans)
+    if relative:
+        matrix = less_first(matrix, data)
+    return {"spans": spans, "coefficients": least_squares(matrix[rows], data.measured[rows]).T.tolist()}
 
 
 def predict_baseline(name: str, frozen: dict[str, Any], data: Data) -> Array:
     """Predict the measurements with a frozen baseline, shape (N, outputs)."""
+    if bool(data.turned) != ("usual" in frozen):
+        raise TwinError(
+            f"baseline {name} was fitted with{'' if 'usual' in frozen else 'out'} the key `turned`. Fit again with --fit."
+        )
+    if data.turned:
+        own = {key: values for key, values in frozen.items() if key != "usual"}
+        relative, signs, starts = from_first_sample(data, np.array(frozen["usual"]))
+        return np.asarray(starts + signs * less_first(predict_baseline(name, own, relative), data))
     if name in LAGS:
-        return predict_network(frozen, data)
+        return predict_network(frozen, with_plays(data, frozen["spans"]) if name == "play_network" else data)
     coefficients = np.array(frozen["coefficients"])
     if name == "linear_second_order":
         grid = np.stack([second_order(data, row, i) for i, row in enumerate(coefficients)], 1)

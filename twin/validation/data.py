@@ -31,7 +31,7 @@ class Data:
     outputs), `rates`: derivatives of outputs at each window's first sample, shape (windows, outputs), 0 where not
     measured. `time`: in the file [s]. `lower`, `weight`: a sample lies between grid rows `lower` and `lower + 1`. `jumps`:
     number of windows that begin because a column jumps; `changes`: largest change of each column between rows of a
-    window. All in units of the component's variables.
+    window. `turned`: outputs that some windows have with the opposite sign. All in units of the component's variables.
     """
 
     files: tuple[str, ...]
@@ -49,6 +49,7 @@ class Data:
     labels: Array  # of folds by column; empty otherwise
     jumps: int
     changes: Mapping[str, float]
+    turned: tuple[int, ...] = ()
 
     def at_samples(self, grid: Array) -> Array:
         """Interpolate values on the grid, shape (G, ...), to the samples, shape (N, ...)."""
@@ -131,6 +132,7 @@ class SetReader:
                 column: float(max(np.max(np.abs(np.diff(window[column])), initial=0.0) for window in windows))
                 for column in self.targets
             },
+            tuple([*keys.outputs].index(column) for column in keys.turned),
         )
 
     def windows(self, folder: Path, name: str) -> tuple[list[dict[str, Array]], str, Array, int]:

@@ -106,6 +106,9 @@ class ValidationSet:
                     self.rollout.variable(name)
                 except CouplingError as error:
                     self.add_problem(str(error), group, name)
+        for column in keys.turned:
+            if column not in keys.outputs:
+                self.add_problem(f"there is no output {column}. {nearest(column, keys.outputs)}", "turned")
         for name, columns in keys.distance.items():
             for column in columns:
                 if column not in keys.outputs:

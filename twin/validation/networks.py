@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     Array = np.ndarray[Any, Any]
 
-LAGS = {"narx": 2, "network": 0}  # earlier outputs and inputs
+LAGS = {"narx": 2, "network": 0, "play_network": 0}  # earlier outputs and inputs
 HIDDEN = 12  # neurons
 INTERVAL = 0.02  # shortest interval between predictions [s]: closer samples hardly differ
 PREDICTIONS = 10  # in the shortest window at least

@@ -9,7 +9,9 @@ from pydantic import BeforeValidator, Field
 from twin.identify import RangeKeys, TableKeys, probability
 from twin.scenario import Keys, Period, Text, Value
 
-BaselineName = Literal["line", "quadratic", "cubic", "play_cubic", "linear_second_order", "narx", "network"]
+BaselineName = Literal[
+    "line", "quadratic", "cubic", "play_cubic", "linear_second_order", "narx", "network", "play_network"
+]
 
 
 def listed(value: Any) -> Any:
@@ -65,6 +67,8 @@ class FoldKeys(Keys):
 class SetKeys(TableKeys):
     """Files of one kind, the component that predicts them, and what is compared.
 
+    `turned`: outputs that some recordings have with the opposite sign, as the component learns from the first sample;
+    baselines then go through the first sample too, with the signs that bring it closer to the first one of the fit.
     `equal_files`: fit to equally many rows of each file. `window`, `train_window`: rows after which a roll-out starts from a new initial state; 0: never.
     """
 
@@ -82,6 +86,7 @@ class SetKeys(TableKeys):
     fit: dict[Text, RangeKeys] = Field(default_factory=dict)
     rezero: dict[Text, RangeKeys] = Field(default_factory=dict)
     baselines: list[BaselineName] = Field(default_factory=list)
+    turned: list[Text] = Field(default_factory=list)
     folds: FoldKeys = FoldKeys()
     equal_files: bool = False
 
