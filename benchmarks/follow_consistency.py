@@ -1,6 +1,6 @@
 """Consistency of following: normalized errors (NEES) and innovations (NIS) over 50 rigs with hidden parameters.
 
-    python -m benchmarks.follow_consistency [RIGS [FIRST]]       prints `name: value` lines; seeds begin with FIRST, 301
+    python -m benchmarks.follow_consistency [RIGS]               prints `name: value` lines
 
 For a consistent filter the NEES of n estimates is chi-square distributed with n degrees of freedom; the mean over the rigs has
 the band that is printed. Rigs: `benchmarks.follow_rig`, with hidden parameters that stay constant, and with such that change by the
@@ -135,13 +135,13 @@ def sheath(folder: Path, seed: int) -> list[float]:
 
 def main() -> None:
     """Print means and bands."""
-    count, first = (*map(int, sys.argv[1:]), *(50, 301)[len(sys.argv) - 1 :])
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 50
     cases = (
-        ("sheath", sheath, 1),
-        ("force", partial(force, walks=False), 4),
-        ("force_walking", partial(force, walks=True), 4),
+        ("sheath", sheath, 1, 1),
+        ("force", partial(force, walks=False), 4, 301),  # seeds that chose nothing
+        ("force_walking", partial(force, walks=True), 4, 301),
     )
-    for name, function, n in cases:
+    for name, function, n, first in cases:
         with tempfile.TemporaryDirectory() as folder:
             results = np.array([function(Path(folder), seed) for seed in range(first, first + count)])
         nees, nis, inside, *correlated = results.mean(axis=0)
