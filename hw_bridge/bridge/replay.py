@@ -12,7 +12,7 @@ from hw_bridge.bridge.axis import COPIED_ROLES, DriveAxis, SessionMember
 from hw_bridge.bridge.fitting import Fitting
 from hw_bridge.bridge.hardware import ROOM, Hardware
 from hw_bridge.dictionary import cia402
-from hw_bridge.hardware.motor_data import force_constant_of
+from hw_bridge.hardware import motor_data
 from hw_bridge.plant import start_position
 from hw_bridge.session import outputs
 from hw_bridge.trace import NAMES, POSITION, STATUSWORD, Recording
@@ -37,7 +37,7 @@ class ReplayAxis(DriveAxis):
         super(SessionMember, self).__init__(**values)
         self._track = self.hardware.recording.tracks[self.member]
         self._keys = self.hardware.keys.nodes[self.member]
-        self._force_constant = force_constant_of(self._keys)
+        self._force_constant = motor_data.force_constant_of(self._keys)
 
     def step(self, t: float, h: float) -> None:
         """Update outputs with the values received by the end of the step."""

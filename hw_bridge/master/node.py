@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.bus import Frame
 from hw_bridge.dictionary import Mode, State, cia402, state_of
-from hw_bridge.hardware.motor_data import force_constant_of
+from hw_bridge.hardware import motor_data
 from hw_bridge.master import pdo_mapping
 from hw_bridge.master.acceleration import AccelerationLimit
 from hw_bridge.master.age import ValueAge
@@ -98,7 +98,7 @@ class Node(Station):
         units = self.profile.units(self.mirror, magnetic_pitch(self.keys.motor))
         self.units = units
         self.ampere = pdo_mapping.current_unit(self.process_data, units)
-        self.force_constant = force_constant_of(self.keys)
+        self.force_constant = motor_data.force_constant_of(self.keys)
 
     @property
     def process_data(self) -> ProcessData:
