@@ -1,4 +1,7 @@
-"""A session from outside: a person operates it, and what was done runs again to the bit."""
+"""A session from outside: a person operates it, and what was done runs again to the bit.
+
+Over 400 lines: one scenario and its sessions serve all of them.
+"""
 
 import itertools
 import json

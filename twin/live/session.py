@@ -157,9 +157,9 @@ class Session:
         made = (self.simulated.time - self.case.start_ns) // self.case.step_ns
         return -(-(made + more) // self.macro) * self.macro - made
 
-    def changes_by_hand(self) -> list[str]:
+    def operator_changes(self) -> list[str]:
         """Return a line about the variables that the operator changed in the last run, or none."""
-        changes = self._executor.by_hand.items() if self._executor is not None else ()
+        changes = self._executor.operator_changes.items() if self._executor is not None else ()
         texts = [
             f"{name} at {clock.text(times[0])}{f' and {len(times) - 1} times more' * (len(times) > 1)}"
             for name, times in changes

@@ -72,7 +72,7 @@ class SessionProcess:
             backend=Backend(job["backend"]), root=Path(job["runs"]), build=Path(job["build"]), report=job["report"]
         )
         callbacks = RunCallbacks(
-            progress=self.progress, run_case=session.course, changes_by_hand=session.changes_by_hand
+            progress=self.progress, run_case=session.course, operator_changes=session.operator_changes
         )
         while True:
             outcome = run_scenario(own, options, hardware=self.hardware, callbacks=callbacks)

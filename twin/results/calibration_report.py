@@ -17,10 +17,8 @@ if TYPE_CHECKING:
 
     from twin.results.calibration import Calibration
 
-GOOD, FAIR = (
-    0.02,
-    0.05,
-)  # RMSE over the range of the motion, up to which a fit is called so: a convention of this project
+# RMSE over the range of the motion, up to which a fit is called so: a convention of this project
+GOOD, FAIR = 0.02, 0.05
 AT_NOISE = 1.5  # RMSE over the deviation of repeated readings, up to which a better form would not help
 TERMS = f"good: RMSE up to {GOOD:.0%} of the range; fair: up to {FAIR:.0%}. Noise: deviation of repeated readings."
 UNDETERMINED = 0.5  # standard error over the value, above which a parameter is reported

@@ -3,6 +3,8 @@
 Samples go through a ring buffer into `.recording` immediately (`twin.results.recording.stream`), and at the end into
 signals.parquet, summary.json and report.html. After a crash the next process continues with the remaining cases, or
 finalizes the run.
+
+Over 400 lines: one run, from its first case to its summary.
 """
 
 from __future__ import annotations
@@ -251,7 +253,7 @@ class RunExecutor:
             complete, failure = self.finish_case(number, case, cosimulation, complete, failure)
         if failure:
             result.mark_incomplete("failed", failure)
-        if changes := self.callbacks.changes_by_hand():
+        if changes := self.callbacks.operator_changes():
             add_notes(info, changes)
             result.scenario = replace(result.scenario, paper_applies=False)
         info.wall_time += duration

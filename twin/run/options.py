@@ -46,14 +46,14 @@ class RunCallbacks:
     """Callbacks of a run.
 
     `progress`: gets the name of a case and its completed fraction. `on_log_line`: gets each line of the members in
-    `log_patterns`. `run_case`: takes each case from its start to its end, if not to its stop time. `changes_by_hand`: lines
+    `log_patterns`. `run_case`: takes each case from its start to its end, if not to its stop time. `operator_changes`: lines
     about what an operator changed in the last case; then the run is not one of the file's own settings.
     """
 
     progress: Progress = noop
     on_log_line: Callable[[str], object] = noop
     run_case: Callable[[Case, CoSimulation, Progress], object] = run_case
-    changes_by_hand: Callable[[], list[str]] = list
+    operator_changes: Callable[[], list[str]] = list
 
 
 def accept_former_arguments(

@@ -51,7 +51,7 @@ class CommandExecutor:
         self.overridden: dict[str, Any] = {}
         self.done: list[dict[str, Any]] = []  # not sent yet
         self.count = 0
-        self.by_hand: dict[str, list[clock.Time]] = {}  # times of the changes of each variable by the operator
+        self.operator_changes: dict[str, list[clock.Time]] = {}  # times of the changes of each variable by the operator
 
     def execute(self, kind: str, name: Any, value: Any = None, by_operator: bool = True) -> None:
         """Check a command and execute it now; raise RefusedError with one line if it is invalid."""
@@ -98,7 +98,7 @@ class CommandExecutor:
         self.add_done(event.time_ns, kind, text, self.file.add(event), by_operator)
         if by_operator:
             name = event.variable if isinstance(event, EventSpec) else text
-            self.by_hand.setdefault(name, []).append(event.time_ns)
+            self.operator_changes.setdefault(name, []).append(event.time_ns)
 
     def add_done(self, time: clock.Time, kind: str, text: str, line: str, by_operator: bool) -> None:
         """Add an executed command to `done`, which is sent next."""
