@@ -19,7 +19,7 @@ import numpy as np
 import yaml
 from scipy.stats import chi2
 
-from benchmarks.follow_rig import BUILD, FOLLOW, hidden, record
+from benchmarks.follow_rig import BUILD, hidden, record
 from twin.face import load as load_scenario
 from twin.follow import Estimate, follow, in_band, load
 
@@ -28,17 +28,6 @@ PLAY, PLAY_DEVIATION, PLAY_WALK = 1.0, 0.1, 0.05  # of the sheath: mean and devi
 PLAY_EVERY = 0.5  # interval at which it changes [s]
 FORCE_WALKS = (4e-6, 2e-3, 10e-6, 0.3e-3)  # of play, friction, surface and zero in a second [m], [N], [m], [N]
 FORCE_EVERY = 0.1  # interval at which they change [s]
-# The points of the filter differ by less than a step of the encoder. A rounded output is a staircase between them, from which the
-# filter learns what was not measured: the followed model does not round, and rounding is part of the noise. The rod is an estimate,
-# as the encoder measures it; the drive differentiates what it measured last, so that this moves with the rod.
-FORCE_FOLLOW = {
-    "set": {"servomotor.position_resolution": "1e-9 m"},
-    "estimate": {
-        **FOLLOW["estimate"],
-        "servomotor.rod_position": {"deviation": "5 um", "walk": "1 um"},
-        "servomotor.measured_position": {"deviation": "5 um"},
-    },
-}
 START = {"chirp": {"component": "chirp", "parameters": {"total_time": "20 s", "frequency_final": "1 Hz"}}}
 
 
@@ -71,7 +60,7 @@ def force(folder: Path, seed: int, walks: bool) -> list[float]:
             "sensor.zero_offset": f"{zero} N",
         }
         events.append({"at": f"{FORCE_EVERY * i:.1f} s", "set": changed})
-    path, true = record(folder, seed, SECONDS, events, follow=FORCE_FOLLOW)
+    path, true = record(folder, seed, SECONDS, events)
     problem = load(path)
     walk = [variable.walk for variable in problem.estimates[:4]]
     assert np.allclose(walk, FORCE_WALKS), f"the walks of the follow file are {walk}; correct FORCE_WALKS"

@@ -45,7 +45,12 @@ CONNECTIONS = [
     "sheath.tip_position -> wall.tip_position, tracker.position",
     "wall.force -> sheath.contact_force, sensor.force",
 ]
-PERFECT = {"sensor": {"noise": "0 N", "zero_deviation": "0 N", "drift_maximum": "0 N/s", "resolution": "1e-9 N"}}
+# The followed model neither adds noise nor rounds. The points of the filter differ by less than a step of the encoder: a rounded
+# output is a staircase between them, from which the filter learns what was not measured. Rounding is part of the noise.
+PERFECT = {
+    "sensor": {"noise": "0 N", "zero_deviation": "0 N", "drift_maximum": "0 N/s", "resolution": "1e-9 N"},
+    "servomotor": {"position_resolution": "1e-9 m"},
+}
 
 FOLLOW: dict[str, Any] = {
     "scenario": "model.yaml",
@@ -68,6 +73,9 @@ FOLLOW: dict[str, Any] = {
         # the first two act through the positions of the sheath, and the drive's loop holds the position by its integral
         **{f"sheath.position[{i}]": {"deviation": "10 um", "walk": "10 um"} for i in (1, 2, 3)},
         "servomotor.current_integral": {"deviation": "20 mA", "walk": "20 mA"},
+        # the encoder measures the rod; the drive differentiates what it measured last, so that this moves with the rod
+        "servomotor.rod_position": {"deviation": "5 um", "walk": "1 um"},
+        "servomotor.measured_position": {"deviation": "5 um"},
         # The sensor samples at the instant of a correction: without these two, the force that it is predicted to sample there
         # depends neither on a corrected tip nor on the wall that has given way, but on the place of a rigid wall.
         "wall.indentation": {"deviation": "10 um", "walk": "10 um"},

@@ -87,6 +87,8 @@ def test_while_cases_run(study, build, tmp_path):
 
 
 @pytest.mark.slow
+# Interrupted just after `open`, a file is closed by garbage collection.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_while_runs_are_kept(build, tmp_path, monkeypatch):
     """All cases are done: the study goes on with the runs that it has not kept yet."""
     text = STUDY.replace("keep: {", "keep: {failed: 2, ")
