@@ -92,6 +92,11 @@ def suspended(space: pymunk.Space, wall: Wall, mass: float, dt: float) -> Pad:
     return Pad(wall, carrier, body)
 
 
+def norms(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Lengths along the last axis, without BLAS, whose kernels differ from processor to processor in the last bit."""
+    return np.asarray(np.sqrt((vectors * vectors).sum(axis=-1)))
+
+
 def inside(point: NDArray[np.float64], outline: NDArray[np.float64]) -> bool:
     """Whether a point lies within a closed line, by the number of its crossings to one side."""
     (x, y), a, b = point, outline[:-1], outline[1:]
@@ -106,7 +111,7 @@ def distance(points: NDArray[np.float64], outline: NDArray[np.float64]) -> NDArr
     a, along = outline[:-1], np.diff(outline, axis=0)
     from_a = points[:, None, :] - a
     part = np.clip(np.sum(from_a * along, axis=2) / np.sum(along * along, axis=1), 0.0, 1.0)
-    return np.linalg.norm(from_a - part[..., None] * along, axis=2).min(axis=1)
+    return norms(from_a - part[..., None] * along).min(axis=1)
 
 
 def refuse_overlap(environment: Environment, nodes: NDArray[np.float64], radius: float, name: str) -> None:

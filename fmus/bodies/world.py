@@ -38,7 +38,7 @@ COLUMNS = 6  # of these fields: x, y, angle, and their speeds
 def along(path: NDArray[np.float64], distances: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points of a line at distances from its beginning [m]; beyond its ends straight on."""
     steps = np.diff(path, axis=0)
-    lengths = np.linalg.norm(steps, axis=1)
+    lengths = walls.norms(steps)
     s = np.concatenate(([0.0], np.cumsum(lengths)))
     i = np.clip(np.searchsorted(s, distances, side="right") - 1, 0, len(steps) - 1)
     return path[i] + (distances - s[i])[:, None] * (steps / lengths[:, None])[i]
@@ -46,7 +46,7 @@ def along(path: NDArray[np.float64], distances: NDArray[np.float64]) -> NDArray[
 
 def length(path: NDArray[np.float64]) -> float:
     """Length of a line [m]."""
-    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+    return float(walls.norms(np.diff(path, axis=0)).sum())
 
 
 def drive(
@@ -95,12 +95,13 @@ class World:
         self._buffer, self._contacts = batch.Buffer(), batch.Buffer()
         self._node_of = {body.id: i + 1 for i, body in enumerate(self.segments)}  # by address
         self._steps = np.diff(self.path, axis=0)
-        self._lengths = np.linalg.norm(self._steps, axis=1)
+        self._lengths = walls.norms(self._steps)
         self._begins = np.concatenate(([0.0], np.cumsum(self._lengths)[:-1]))
         self._reach = np.zeros_like(self._lengths), self._lengths.copy()
         self._reach[0][0], self._reach[1][-1] = -np.inf, np.inf
         self._nodes_mm: NDArray[np.float64] | None = None
-        self.end = (nodes[-1] - nodes[-2]) / np.linalg.norm(nodes[-1] - nodes[-2])
+        end = nodes[-1:] - nodes[-2]
+        self.end = (end / walls.norms(end)[:, None])[0]
         self.tip_start = nodes[-1]
         self.read()
 
@@ -261,8 +262,8 @@ class World:
     def kinetic_energy(self) -> float:
         """Of the scaled masses [J]."""
         vx, vy, turning = self.state[3:]
-        moving = self.cut.mass * (vx.dot(vx) + vy.dot(vy)) / MM**2
-        return 0.5 * float(moving + self.cut.moment * turning.dot(turning))
+        moving = self.cut.mass * (vx * vx + vy * vy).sum() / MM**2
+        return 0.5 * float(moving + self.cut.moment * (turning * turning).sum())
 
     @property
     def elastic_energy(self) -> float:
@@ -271,4 +272,4 @@ class World:
         if not self.held:
             angles[0] = 0.0
         thrust = self.thrust
-        return 0.5 * float((self.cut.bending * angles).dot(angles) + thrust.dot(thrust) / self.cut.axial)
+        return 0.5 * float((self.cut.bending * angles * angles).sum() + (thrust * thrust).sum() / self.cut.axial)

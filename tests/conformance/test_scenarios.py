@@ -36,6 +36,7 @@ COMPILED_FOR_SECONDS = {
     "push_and_turn",
     "racs",
     "regripping",
+    "teleoperation",
     "two_instruments",
     "vessel_teleoperation",
 }
