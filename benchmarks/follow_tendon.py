@@ -111,6 +111,7 @@ def follow_file(prediction: Prediction, own: FollowedSet, starts: Starts, seed: 
             "draws": SIZE,
             "signals": [f"{MEMBER}.{name}" for name in own.signals],
             "planned": ["tendon"],
+            "calibrate": "30 s",
         },
     }
 
@@ -149,20 +150,30 @@ def slackened(prediction: Prediction) -> Prediction:
     return replace(prediction, data=data, predicted=predicted)
 
 
-def forecast_errors(prediction: Prediction, own: FollowedSet, estimates: list[Estimate]) -> tuple[Array, Array]:
-    """Return sizes of the errors of forecasts by `PREDICTORS`, (4, k), and whether the 90 % band held each signal, (k, s)."""
+def forecast_errors(
+    prediction: Prediction, own: FollowedSet, estimates: list[Estimate]
+) -> tuple[Array, dict[str, float]]:
+    """Return sizes of the errors of forecasts by `PREDICTORS`, (4, k), and shares of signals that 90 % bands held.
+
+    `in_band`: bands of the filter alone; `in_calibrated_band`: with the widths that past errors gave them.
+    """
     time, used = prediction.data.time - prediction.data.time[0], columns(prediction, own)
     measured, frozen = prediction.data.measured[:, used], prediction.predicted[:, used]
     forecasts = [one.forecast for one in estimates if one.forecast is not None and one.forecast.time[-1] <= time[-1]]
     begin, end = np.array([[one.start, one.time[-1]] for one in forecasts]).T
     low, median, high = np.array([one.bands[:, -1] for one in forecasts]).transpose(1, 0, 2)
+    factors = np.array([one.factors[-1] for one in forecasts if one.factors is not None])
 
     def at(moments: Array, table: Array) -> Array:
         return np.column_stack([np.interp(moments, time, values) for values in table.T])
 
     true, present, base = at(end, measured), at(begin, measured), at(end, frozen)
     predicted = [median, base, base + present - at(begin, frozen), present]
-    return own.factor * np.linalg.norm(np.array(predicted) - true, axis=2), (low <= true) & (true <= high)
+    inside = {
+        name: float(np.mean((median + (low - median) / by <= true) & (true <= median + (high - median) / by)))
+        for name, by in (("in_band", factors), ("in_calibrated_band", 1.0))
+    }
+    return own.factor * np.linalg.norm(np.array(predicted) - true, axis=2), inside
 
 
 def followed_runs(
@@ -188,7 +199,7 @@ def followed_runs(
         names = [f"{name}_{own.unit}" for name in PREDICTORS]
         row = dict(zip(names, np.sqrt((errors**2).mean(axis=1)).tolist(), strict=True))
         row |= {name: factor * last[variable] for variable, name, factor in SHOWN}
-        rows.append({**row, "in_band": float(inside.mean()), "nis_in_band": in_band(estimates)})
+        rows.append({**row, **inside, "nis_in_band": in_band(estimates)})
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from twin.errors import SimulationError
-from twin.follow import forecast
-from twin.follow.forecast import Forecast, Forecaster, ForecastSettings
+from twin.follow.forecasting import forecast
+from twin.follow.forecasting.forecast import Forecast, Forecaster, ForecastSettings
 
 
 def settings(**values):
@@ -35,7 +35,7 @@ def test_chances_count_draws_that_leave_their_limits_at_any_time(limits, chances
     x = [[0.0, 1.0, 2.0], [2.0, 1.0, 1.0]]  # of two times and three draws
     y = [[0.0, 0.0, 0.0], [0.0, 2.0, 1.0]]
     draws = np.stack([x, y], axis=2)
-    np.testing.assert_allclose(forecaster(settings=settings(limits=limits))._chances(draws), chances)
+    np.testing.assert_allclose(forecaster(settings=settings(limits=limits)).chances(draws), chances)
 
 
 def test_bands_are_quantiles_over_the_draws():

@@ -14,7 +14,7 @@ from twin.follow import EstimateRecording, Follower, follow, in_band, load, rema
 from twin.follow.changes import Alarm
 from twin.follow.estimate_recording import judge
 from twin.follow.follower import Estimate, nis_band, signals_of
-from twin.follow.forecast import Forecast
+from twin.follow.forecasting.forecast import Forecast
 from twin.follow.problem import times_of
 
 TEXT = """

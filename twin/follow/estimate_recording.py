@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from twin.follow.follower import Estimate
-    from twin.follow.forecast import Forecast
+    from twin.follow.forecasting.forecast import Forecast
     from twin.follow.problem import FollowProblem
 
 STATUS_PERIOD = 0.5  # between two versions of the status file [s]

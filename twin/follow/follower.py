@@ -18,7 +18,8 @@ from twin.follow.changes import Alarm, ChangeBank
 from twin.follow.filtering.smoother import FixedLagSmoother, SmoothedEstimate
 from twin.follow.filtering.tangent_batch import TangentBatch
 from twin.follow.filters import Ensemble, Extended, SquareRootFilter, Unscented
-from twin.follow.forecast import Forecast, Forecaster
+from twin.follow.forecasting.forecast import Forecast, Forecaster
+from twin.follow.forecasting.past_errors import PastErrors, widened
 from twin.follow.problem import EstimatedVariable, times_of
 from twin.follow.records import change_signals, forecast_signals, path_of, smoothed_signals
 from twin.follow.status import REPRESENTED, FollowStatus
@@ -109,6 +110,7 @@ class Follower:
         self.batch = batch(problem, self.filter.count + models, build, parameters, interval=interval)
         self._build = build
         self._forecaster: Forecaster | None = None
+        self._past_errors = past_errors(problem)
 
     def __enter__(self) -> Self:
         return self
@@ -149,6 +151,9 @@ class Follower:
             alarm = self.bank.update(time, points[count:], outputs[count:], numbers, measured, update)
             if self.bank.adopt(self.batch):
                 self.smoother = self._new_smoother()
+        if self._past_errors is not None:
+            for number, value in zip(numbers, measured.tolist(), strict=True):
+                self._past_errors.measure(self.tick, number, value)
         signals = np.full((4, len(self._noise)), np.nan)
         signals[:, numbers] = measured, update.predicted, update.innovation, update.deviation
         return Estimate(
@@ -183,9 +188,16 @@ class Follower:
             )
         if self._forecaster is None:
             self._forecaster = Forecaster(self.batch.problem, settings, self._build)
-        return self._forecaster.forecast(
+        forecast = self._forecaster.forecast(
             self.batch, self.filter, self.tick, horizon or settings.horizon, overrides or {}
         )
+        if self._past_errors is None:
+            return forecast
+        factors = self._past_errors.factors(self.tick, len(forecast.time), len(forecast.signals))
+        if horizon is None and not overrides:
+            self._past_errors.add(np.rint((forecast.time - self._begin) / self._step).astype(int), forecast.bands)
+        draws = widened(forecast, factors)
+        return replace(forecast, draws=draws, chance=self._forecaster.chances(draws), factors=factors)
 
     def save(self) -> SavedFollower:
         """Return the state: estimate, memory of all points, and communication step."""
@@ -210,6 +222,19 @@ def follow(problem: FollowProblem, build: Path = Path("build")) -> Iterator[Esti
                 due = tick + problem.forecast.repeat
                 estimate = replace(estimate, forecast=follower.forecast())
             yield estimate
+
+
+def past_errors(problem: FollowProblem) -> PastErrors | None:
+    """Return what takes the errors of past forecasts; None if bands are not to be calibrated."""
+    settings = problem.forecast
+    if settings is None or not settings.calibrate:
+        return None
+    numbers = {
+        number: settings.signals.index(output.signal)
+        for number, output in enumerate(problem.outputs)
+        if output.signal in settings.signals
+    }
+    return PastErrors(settings.calibrate, numbers)
 
 
 def nis_band(count: int) -> tuple[float, float]:

@@ -17,8 +17,8 @@ from twin.follow.change_reader import read_changes
 from twin.follow.changes import Change
 from twin.follow.filtering.tangent_model import tangent_problem
 from twin.follow.fmu_states import is_settable
-from twin.follow.forecast import ForecastSettings
-from twin.follow.forecast_reader import read_forecast
+from twin.follow.forecasting.forecast import ForecastSettings
+from twin.follow.forecasting.reader import read_forecast
 from twin.follow.influence import uncorrected_inputs
 from twin.follow.schema import EstimateKeys, FollowKeys
 from twin.identify import IdentifyKeys, Loader, Output, RecordedExperiment

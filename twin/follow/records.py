@@ -13,7 +13,7 @@ from twin.results import RecordedVariable
 
 if TYPE_CHECKING:
     from twin.follow.follower import Estimate
-    from twin.follow.forecast import Forecast
+    from twin.follow.forecasting.forecast import Forecast
     from twin.follow.problem import FollowProblem
 
     Array = np.ndarray[Any, Any]

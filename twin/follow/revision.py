@@ -12,7 +12,7 @@ from twin.identify import replay
 
 if TYPE_CHECKING:
     from twin.follow.follower import Estimate
-    from twin.follow.forecast import Forecast
+    from twin.follow.forecasting.forecast import Forecast
     from twin.follow.live_problem import LiveProblem
 
 

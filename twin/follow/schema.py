@@ -48,7 +48,8 @@ class ChangeKeys(Keys):
 class ForecastKeys(Keys):
     """Forecasts. `every`: interval of forecasts; `interval`: of the points in one; `limits`: signal -> lower and upper one.
 
-    `planned`: inputs of which the future is known; all others are held.
+    `planned`: inputs of which the future is known; all others are held. `calibrate`: how long errors of past forecasts of measured signals
+    widen or narrow the bands, so that they hold 90 % of the measured values.
     """
 
     horizon: Period = 0
@@ -59,6 +60,7 @@ class ForecastKeys(Keys):
     planned: list[Text] = Field(default_factory=list)
     draws: Annotated[int, Field(ge=10, le=10_000)] = 50
     seed: Seed = 0
+    calibrate: Period | None = None
 
 
 class FollowKeys(IdentifyKeys):

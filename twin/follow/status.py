@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from twin.follow.changes import Alarm
     from twin.follow.follower import Estimate
-    from twin.follow.forecast import Forecast
+    from twin.follow.forecasting.forecast import Forecast
     from twin.follow.problem import FollowProblem
 
 STATUS_FILE = "following.json"

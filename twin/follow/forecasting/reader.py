@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from twin import clock
-from twin.follow.forecast import ForecastSettings
+from twin.follow.forecasting.forecast import ForecastSettings
 
 if TYPE_CHECKING:
     from twin.follow.problem import FollowLoader
@@ -53,4 +53,11 @@ def read_forecast(loader: FollowLoader) -> ForecastSettings | None:
     if keys.planned and loader.keys.rig is not None:
         loader.notes.append("planned inputs are held, too: nothing is known in advance of a rig.")
     signals = tuple(dict.fromkeys([*keys.signals, *keys.limits]))
-    return ForecastSettings(horizon, interval, repeat, signals, limits, tuple(keys.planned), keys.draws, keys.seed)
+    calibrate = steps("calibrate", keys.calibrate) if keys.calibrate is not None else 0
+    if calibrate and not {output.signal for output in loader.compared} & {*signals}:
+        loader.add_problem(
+            "none of the signals is measured. Leave it out, or name one of `outputs`.", *path, "calibrate"
+        )
+    return ForecastSettings(
+        horizon, interval, repeat, signals, limits, tuple(keys.planned), keys.draws, keys.seed, calibrate
+    )

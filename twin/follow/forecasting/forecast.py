@@ -29,7 +29,8 @@ QUANTILES = (0.05, 0.5, 0.95)
 class Forecast:
     """Forecast from `start` [s]. `time`: of its points [s], (k,); `draws`: of the signals, (k, draws, s).
 
-    `chance`: that a signal leaves its limits in the time of the forecast, (s,); NaN without limits.
+    `chance`: that a signal leaves its limits in the time of the forecast, (s,); NaN without limits. `factors`: by which past errors
+    have moved the draws away from their median, (k, s); None without `calibrate`.
     """
 
     start: float
@@ -37,6 +38,7 @@ class Forecast:
     signals: tuple[str, ...]
     draws: Array
     chance: Array
+    factors: Array | None = None
 
     @property
     def bands(self) -> Array:
@@ -46,7 +48,10 @@ class Forecast:
 
 @dataclass(frozen=True)
 class ForecastSettings:
-    """How forecasts are made. Times in communication steps; `limits`: by signal; `planned`: inputs of which the future is known."""
+    """How forecasts are made. Times in communication steps; `limits`: by signal; `planned`: inputs of which the future is known.
+
+    `calibrate`: time for which errors of past forecasts set the widths of the bands, 0: they do not.
+    """
 
     horizon: int
     interval: int
@@ -56,6 +61,7 @@ class ForecastSettings:
     planned: tuple[str, ...]
     draws: int
     seed: int
+    calibrate: int = 0
 
 
 class Forecaster:
@@ -100,14 +106,14 @@ class Forecaster:
             self._begin + (tick + np.array(steps)) * self._step,
             settings.signals,
             draws,
-            self._chances(draws),
+            self.chances(draws),
         )
 
     def _bounded(self, points: Array) -> Array:
         return np.asarray(np.clip(points, self._low, self._high))
 
-    def _chances(self, draws: Array) -> Array:
-        """Return the fraction of the draws that leave the limits, by signal."""
+    def chances(self, draws: Array) -> Array:
+        """Return the fraction of the draws, (k, draws, s), that leave the limits, by signal."""
         chances = np.full(draws.shape[2], np.nan)
         for i, signal in enumerate(self.settings.signals):
             if signal in self.settings.limits:
