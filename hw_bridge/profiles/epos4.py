@@ -297,6 +297,10 @@ def unsure(dictionary: Dictionary, _pitch: float | None) -> list[str]:
         doubts.append(
             f"3000h.2 is {get(0x3000, 2):X}h: a gear is configured, and what counts before and after it is not known"
         )
+    if get(0x3001, 1) == 0:
+        doubts.append(
+            "3001h.1 is 0 mA: no object tells the nominal current, whose thousandths are measured and limited"
+        )
     rated = get(0x6076)
     product = get(0x3001, 1) * get(0x3001, 5) // 1000  # [uNm]; 0 where the drive was not told its motor
     if rated and product and abs(rated - product) > 0.01 * product:

@@ -169,3 +169,21 @@ def test_units_have_sizes_that_can_be_computed_with(size: str, known: bool) -> N
     else:
         with pytest.raises(CouplingError, match="has no size that can be computed with"):
             unit.describe(text)
+
+
+@every_case(
+    ("source", "target"),
+    [("rpm", "Hz"), ("Hz", "rpm"), ("Hz", "rad/s"), ("deg/s", "kHz"), ("rpm", "1/s"), ("1/s", "rpm")],
+)
+def test_cycles_are_no_angles(source, target):
+    """Radian counts as a number: 60 rpm would be 6.28 Hz."""
+    with pytest.raises(CouplingError, match=r"one counts cycles, the other an angle"):
+        unit.conversion(source, target, "")
+
+
+@every_case(
+    ("source", "target", "factor"),
+    [("1/min", "Hz", 1 / 60), ("rpm", "rad/s", math.tau / 60), ("kHz", "1/s", 1e3), ("1/s", "rad/s", 1.0)],
+)
+def test_cycles_convert_to_cycles_and_angles_to_angles(source, target, factor):
+    assert unit.conversion(source, target, "") == (pytest.approx(factor), 0.0)

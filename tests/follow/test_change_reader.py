@@ -40,7 +40,7 @@ class Loader:
         causality, variability, unit, _ = VARIABLES[name]
         return SimpleNamespace(causality=causality, variability=variability, unit=unit)
 
-    def quantity(self, raw, unit, *path):
+    def quantity(self, raw, unit, *path, is_difference=False):
         number, _, symbol = str(raw).strip().partition(" ")
         assert not symbol or unit  # a factor has no unit
         return float(number) * UNITS[symbol]

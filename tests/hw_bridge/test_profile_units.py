@@ -94,6 +94,12 @@ DOUBTS = [
     ("epos4", {**MOTOR, (0x6076, 0): 450449}, None, [TORQUE.format(450449)]),
     ("epos4", {**MOTOR, (0x6076, 0): 0}, None, []),
     ("epos4", {(0x6076, 0): 455000}, None, []),  # the drive was not told its motor
+    (
+        "epos4",
+        {(0x3001, 1): 0, (0x6076, 0): 455000},
+        None,
+        ["3001h.1 is 0 mA: no object tells the nominal current, whose thousandths are measured and limited"],
+    ),
     ("epos4", {RESOLUTION: 2000}, None, []),
     ("epos4", {RESOLUTION: 4096}, None, ["3000h.5 tells 4096 increments for a turn, 3010h.1 2000"]),
     ("epos4", {(0x3000, 1): 0x301, STRUCTURE: 0x00020111}, None, [SSI]),

@@ -59,6 +59,11 @@ def test_a_metric_whose_window_a_run_does_not_reach_is_not_compared() -> None:
     assert [
         evaluate({"m": metric}, [], tables("PI", samples=samples)).metric_results[0].verdict for samples in (11, 21)
     ] == ["cut", "fail"]
+    alone = replace(metric, paper={}, tolerance=None)
+    assert [
+        evaluate({"m": alone}, [], tables("PI", samples=samples)).metric_results[0].verdict for samples in (11, 21)
+    ] == ["cut", "info"]
+    assert evaluate({"m": alone}, [], tables("PI", samples=11), has_ended=False).metric_results[0].verdict == "info"
 
 
 def test_an_order_names_the_variants_that_it_did_not_compare() -> None:

@@ -380,3 +380,8 @@ def test_limits_of_metrics_that_are_left_out() -> None:
     assert ssp_extra.without_missing(tree(items), None).plain() == [items[2]]
     assert ssp_extra.without_missing(tree({"1": items[1], "2": items[2]}), tree({})).plain() == {"2": items[2]}
     assert (ssp_extra.names(tree("PI")), ssp_extra.names(tree(["PI", 1]))) == (["PI"], ["PI", "1"])
+
+
+@pytest.mark.parametrize(("difference", "kelvin"), [(False, 273.65), (True, 0.5)])
+def test_a_standard_deviation_in_degrees_has_no_zero_point(difference: bool, kelvin: float) -> None:
+    assert quantities.number("0.5 degC", "K", "", difference) == pytest.approx(kelvin)

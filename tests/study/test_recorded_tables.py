@@ -198,6 +198,9 @@ def test_names_of_a_decoded_trace_are_columns(tmp_path):
         ("Time,q\n1,1\n2,2\n", {"start": "1 s"}, [0.0, 1.0]),
         ("clock [ms],q,time\n1,1,8\n2,2,9\n", {"time": "clock [ms]"}, [1e-3, 2e-3]),
         ("q,time\n1,8\n2,9\n", {"sample_time": "20 ms"}, [0.0, 0.02]),
+        ("T,q\n0,1\n500,2\n", {"time": "T", "columns": {"T": {"unit": "ms"}}}, [0.0, 0.5]),
+        ("time [s],q\n0,1\n500,2\n", {"columns": {"time [s]": {"unit": "ms"}}}, [0.0, 0.5]),
+        ("T,q\n0,1\n500,2\n", {"time": "clock", "columns": {"clock": {"name": "T", "unit": "ms"}}}, [0.0, 0.5]),
     ],
 )
 def test_times_of_rows(tmp_path, text, options, time):
@@ -211,6 +214,7 @@ def test_times_of_rows(tmp_path, text, options, time):
     [
         ("q\n1\n2\n", {}, r"^a\.csv: has no column `time`\. Say which one it is, such as time: 'q'"),
         ("q,time\n1,2\n", {"time": "tim"}, r"^a\.csv: there is no column `tim`\. Did you mean"),
+        ("q,T\n1,2\n3,4\n", {"time": "T", "columns": {"T": {"unit": "N"}}}, r"^a\.csv: T \[N\] is no time"),
         ("q,time [N]\n1,2\n3,4\n", {}, r"^a\.csv: time \[N\] is no time\. Give it in s or ms\.$"),
         ("q,time\n1,2\n", {}, r"^a\.csv: q has 1 values\. Two at least are needed\.$"),
         ("q,time\n1,2\n3,1\n", {}, r"^a\.csv:3: time is before that of the row above\."),

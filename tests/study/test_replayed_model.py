@@ -9,6 +9,7 @@ import pytest
 from tests.every_case import every_case
 from tests.study.identified import TIME, output
 from tests.study.recordings import MODEL
+from twin.coupling import MemberVariable
 from twin.errors import SimulationError, TwinError
 from twin.identify import model as identify_model
 from twin.identify.model import CACHE_SIZE, Model, Simulated, moved, sampled
@@ -52,6 +53,22 @@ def test_a_recorded_output_drives_all_that_read_it(model):
     ]
     assert driven.members["recorded 1"] == MemberSpec("recorded", made=replay.Replay)
     assert list(driven.members) == [*case.members, "recorded 1"]
+
+
+def test_a_recorded_output_is_converted_as_the_output_was():
+    """Its values are in the unit of the output, not in that of who reads it."""
+    catalog = {
+        "a": {"y": MemberVariable("y", "output", "continuous", "Float64", np.dtype(np.float64), (), "mm")},
+        "b": {"u": MemberVariable("u", "input", "continuous", "Float64", np.dtype(np.float64), (), "m")},
+    }
+    for given, factor, offset in (
+        (ConnectionSpec("a.y", "b.u"), 1e-3, 0.0),
+        (ConnectionSpec("a.y", "b.u", factor=2.0, offset=3.0), 2e-3, 3.0),
+        (ConnectionSpec("a.y", "b.u", factor=2.0, convert=False), 2.0, 0.0),
+    ):
+        found = replay.redirected(given, "recorded 1.value", catalog)
+        assert (found.source, found.target, found.factor, found.offset) == ("recorded 1.value", "b.u", factor, offset)
+        assert not found.convert
 
 
 def test_recorded_inputs_replace_what_drives_them(model):

@@ -143,7 +143,7 @@ def test_a_trial_is_judged_by_objective_and_limits(tmp_path):
     assert trial.broken == pytest.approx((-0.001, -0.1, 0.017))
     failed = judged(study, [*rows([0.016]), Row(2, "failed", "", (), ())], (0.05,), TUNE, 4)
     assert failed.objective == np.inf
-    assert failed.broken == pytest.approx((-0.001, 0.4, BAD))
+    assert failed.broken == pytest.approx((BAD, 0.4, BAD)), "a failed case keeps no limit"
 
 
 @every_case(

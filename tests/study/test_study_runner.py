@@ -3,11 +3,12 @@
 import importlib
 import json
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
-from tests.study.patients import STUDY, study_file
+from tests.study.patients import SCENARIO, STUDY, study_file
 from twin.errors import SimulationError, TwinError
 from twin.study import load_study
 from twin.study.answers import page, plots, write_report
@@ -93,6 +94,26 @@ def test_what_is_known_before_and_after_a_study(tmp_path):
     after = {"status": "completed", "done": 4, "failed": 1, "seconds": 12.345, "engine": "3 processes"}
     outcome.engine = "3 processes"
     assert ended(outcome) == after
+
+
+ANALYSIS = """
+def tenfold(force):
+    return {"force": 10.0 * force}
+tenfold.outputs = {"force": "N"}
+"""
+
+
+def test_what_decides_the_results_has_a_hash(tmp_path, monkeypatch):
+    """Other samples of the same file, as of a changed estimate, and another analysis do not go on."""
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "of_the_study.py").write_text(ANALYSIS)
+    analyses = 'analyses: {more: {function: "of_the_study:tenfold", inputs: {force: sensor.measured_force}}}\n'
+    study = load_study(study_file(tmp_path, STUDY, SCENARIO + analyses))
+    before = manifest.inputs(study)
+    moved = replace(study, design=replace(study.design, values=study.design.values * 1.01))
+    assert [name for name, value in manifest.inputs(moved).items() if value != before[name]] == ["samples"]
+    (tmp_path / "of_the_study.py").write_text(ANALYSIS.replace("10.0", "20.0"))
+    assert [name for name, value in manifest.inputs(study).items() if value != before[name]] == ["analysis more"]
 
 
 def test_processes_here_or_a_cluster(tmp_path, monkeypatch):

@@ -78,5 +78,7 @@ def terms(loader: FollowLoader, raw: Any, unit: str, *path: str) -> tuple[float,
     if match := FACTOR.fullmatch(text):
         return loader.quantity(match[1], "", *path), 0.0
     if text[:1] in "+-":
-        return 1.0, (-1.0 if text[0] == "-" else 1.0) * loader.quantity(text[1:].strip(), unit, *path)
+        return 1.0, (-1.0 if text[0] == "-" else 1.0) * loader.quantity(
+            text[1:].strip(), unit, *path, is_difference=True
+        )
     return 0.0, loader.quantity(raw, unit, *path)

@@ -136,7 +136,7 @@ class LiveLoader(FollowLoader):
             variable = self.looked_up(keys.signal, self.catalog, "inputs", key)
             assert variable is not None
             name, symbol = split_unit(key)
-            offset = self.quantity(keys.offset, variable.unit, "inputs", key, "offset")
+            offset = self.quantity(keys.offset, variable.unit, "inputs", key, "offset", is_difference=True)
             signals.append(LiveSignal(name, symbol, keys.signal, variable.unit, keys.factor, offset))
         return signals
 

@@ -201,7 +201,8 @@ class FollowLoader(Loader):
         model = np.ravel(given.get(reference.variable.name, reference.variable.start))[reference.first]
 
         def value(key: str, raw: Any, default: float) -> float:
-            return default if raw is None else self.quantity(raw, unit, *path, key)
+            is_difference = key in ("deviation", "walk")
+            return default if raw is None else self.quantity(raw, unit, *path, key, is_difference=is_difference)
 
         low, high = value("from", keys.low, -np.inf), value("to", keys.high, np.inf)
         start, deviation = value("start", keys.start, float(model)), value("deviation", keys.deviation, 0.0)

@@ -88,10 +88,10 @@ class KeyReader(KeyFile):
                 )
         return keys.factor * (column.values * factor + offset)
 
-    def quantity(self, raw: Any, symbol: str, *path: str | int) -> float:
-        """A number in a unit; 0 if it is none, which is told."""
+    def quantity(self, raw: Any, symbol: str, *path: str | int, is_difference: bool = False) -> float:
+        """A number in a unit; 0 if it is none, which is told. `is_difference`: such as a standard deviation or an offset."""
         try:
-            return number(raw, symbol, "")
+            return number(raw, symbol, "", is_difference)
         except CouplingError as error:
             self.add_problem(str(error).removeprefix(": "), *path)
             return 0.0

@@ -162,10 +162,18 @@ class RecordedFile:
         if self.keys.sample_time is not None:
             return np.arange(count) * clock.seconds(self.keys.sample_time)
         name = self.time_name(list(columns))
-        return columns[name] * seconds(name, self.shown)
+        return columns[name] * self.seconds_of(name)
+
+    def seconds_of(self, name: str) -> float:
+        """Seconds in the unit of the column of times: that of `columns`, or of its header."""
+        given = [alias.unit for key, alias in self.keys.columns.items() if name in (key, alias.name) and alias.unit]
+        return seconds(f"{unit.split_header(name)[0]} [{given[0]}]" if given else name, self.shown)
 
     def time_name(self, header: list[str]) -> str:
         """The column of times."""
+        alias = self.keys.columns.get(self.keys.time)
+        if alias is not None and alias.name in header:
+            return alias.name
         if self.keys.time:
             if self.keys.time not in header:
                 raise TwinError(
@@ -187,7 +195,7 @@ class RecordedFile:
         if self.keys.sample_time is not None:
             return lines, np.arange(len(rows)) * clock.seconds(self.keys.sample_time), self.numbers(name)
         clock_name = self.time_name(header)
-        return lines, self.numbers(clock_name) * seconds(clock_name, self.shown), self.numbers(name)
+        return lines, self.numbers(clock_name) * self.seconds_of(clock_name), self.numbers(name)
 
     def numbers(self, name: str) -> Array:
         """Numbers of a column of a table, by its name in the file; read once."""

@@ -201,7 +201,7 @@ class Loader(KeyReader):
             for key, symbol in (("delay", "s"), ("offset", variable.unit)):
                 raw = getattr(keys, key)
                 if not isinstance(raw, RangeKeys):
-                    own[key] = self.quantity(raw, symbol, *path, key)
+                    own[key] = self.quantity(raw, symbol, *path, key, is_difference=True)
                     continue
                 own[key] = label = named(f"{key} of {name}", self.name)
                 window = self.range(raw, symbol, 0.0, *path, key)
@@ -209,7 +209,11 @@ class Loader(KeyReader):
                 where = self.location(*path, key)
                 unknowns.append(Unknown(label, symbol, *window, raw.scale == "log", display_unit=shown, where=where))
             before = len(self.problems)
-            noise = None if keys.noise is None else self.quantity(keys.noise, variable.unit, *path, "noise")
+            noise = (
+                None
+                if keys.noise is None
+                else self.quantity(keys.noise, variable.unit, *path, "noise", is_difference=True)
+            )
             if noise is not None and noise <= 0 and len(self.problems) == before:
                 self.add_problem(f"{keys.noise} is not above zero. {self.noise_advice}", *path, "noise")
             column = columns[name]
@@ -249,7 +253,7 @@ class Loader(KeyReader):
             if variable.shape:
                 self.add_problem(f"{keys.signal} is an array. Name one element, such as {keys.signal}[1].", *path)
             values = self.converted(columns[name], variable, keys, *path)
-            values = values + self.quantity(keys.offset, variable.unit, *path, "offset")
+            values = values + self.quantity(keys.offset, variable.unit, *path, "offset", is_difference=True)
             input_columns.append((name, keys, replace(columns[name], values=values)))
         return input_columns
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from twin.compiler import read_float
-from twin.component import Component, Int64, local, output, parameter
+from twin.component import Component, Int64, local, output, parameter, unit
 from twin.coupling import declared_variables, find
 from twin.errors import TwinError
 from twin.graph import reached
@@ -75,11 +75,21 @@ def driven(case: Case, catalog: Catalog, signals: Sequence[str]) -> Case:
             if not any(connection.source == signal for connection in connections):
                 raise TwinError(f"{signal}: nothing in the model reads it, so it cannot drive anything. Name an input.")
             connections = [
-                replace(connection, source=source) if connection.source == signal else connection
+                redirected(connection, source, catalog) if connection.source == signal else connection
                 for connection in connections
             ]
         members[member_name(number)] = MemberSpec("recorded", made=Replay)
     return replace(case, members=members, connections=tuple(connections))
+
+
+def redirected(connection: ConnectionSpec, source: str, catalog: Catalog) -> ConnectionSpec:
+    """The connection from a recorded member, whose value is in the unit of the source that it replaces."""
+    given, wanted = (find(name, catalog).variable.unit for name in (connection.source, connection.target))
+    factor, offset = unit.conversion(given, wanted, connection.target) if connection.convert else (1.0, 0.0)
+    if (factor, offset) == (1.0, 0.0):
+        return replace(connection, source=source)
+    offset = offset * connection.factor + connection.offset
+    return replace(connection, source=source, factor=factor * connection.factor, offset=offset, convert=False)
 
 
 def with_influence(case: Case, outputs: Iterable[str]) -> Case:

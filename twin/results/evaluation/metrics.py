@@ -260,9 +260,7 @@ def with_verdict(
     metric, verdict = result.metric, "info"
     if result.mean is None:
         verdict = "none"
-    elif (
-        result.paper is not None and has_ended and describe_cut(metric.window, metric.signal, (result.variant,), tables)
-    ):
+    elif has_ended and describe_cut(metric.window, metric.signal, (result.variant,), tables):
         verdict = "cut"
     elif result.paper is not None and not paper_applies:
         verdict = "other"

@@ -103,8 +103,11 @@ def conversion(source: str, target: str) -> tuple[float, float]:
     return unit.conversion(source or "1", target or "1", "")
 
 
-def number(value: Any, target: str, what: str) -> float:
-    """Convert a scalar to the unit `target`; a bare number is already in `target`. CouplingError if it is invalid."""
+def number(value: Any, target: str, what: str, is_difference: bool = False) -> float:
+    """Convert a scalar to the unit `target`; a bare number is already in `target`. CouplingError if it is invalid.
+
+    `is_difference`: 0.5 degC is half a kelvin, not 273.65 K.
+    """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise CouplingError(f"{what}: expected a number{in_unit(target)}, not {short(value)}.")
     if not isinstance(value, str):
@@ -126,7 +129,7 @@ def number(value: Any, target: str, what: str) -> float:
             raise CouplingError(text) from None
         wanted = target or "a plain number"
         raise CouplingError(f"{what}: `{short(value)}` does not convert to {wanted}. Give it as {wanted}.") from None
-    return unit.round_trip(digits * factor + offset)
+    return unit.round_trip(digits * factor + (0.0 if is_difference else offset))
 
 
 def si(value: Any, symbol: str, what: str, is_difference: bool = False) -> float:

@@ -130,4 +130,5 @@ class Study:
             ),
             "scenario": self.scenario.frozen(),
         }
-        return {name: hashlib.sha256(text.encode()).hexdigest() for name, text in texts.items()}
+        hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in texts.items()}
+        return hashes | {"samples": hashlib.sha256(self.design.values.tobytes()).hexdigest()}

@@ -113,7 +113,7 @@ class Engine:
         return row
 
     def judged(self, request: StudyRequest, recorded: Signals | None, status: str, why: str) -> Row:
-        """Metrics, verdicts and samples of what was recorded."""
+        """Metrics, verdicts and samples of what was recorded; a metric whose window the run did not reach has no value."""
         metrics, expectations = self.scenario.metrics, self.scenario.expectations
         if recorded is None:
             own = [request.variant in (expectation.variants or (request.variant,)) for expectation in expectations]
@@ -125,7 +125,10 @@ class Engine:
             return Row(request.number, status, why, (None,) * len(metrics), lost)
         recorded = apply_analyses(self.scenario, request.variant, recorded)
         evaluation = evaluate(metrics, expectations, {(request.variant, request.seed): recorded}, paper_applies=False)
-        values = {result.metric.name: result.values[request.seed] for result in evaluation.metric_results}
+        values = {
+            result.metric.name: None if result.verdict == "cut" else result.values[request.seed]
+            for result in evaluation.metric_results
+        }
         verdicts: list[bool | None] = []
         for expectation, outcome in zip(expectations, evaluation.expectation_results, strict=True):
             is_alone = (

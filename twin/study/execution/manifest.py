@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 import json
 from contextlib import suppress
 from pathlib import Path
@@ -27,7 +28,15 @@ PACKAGES = ("scipy", "SALib", "optuna", "distributed")
 
 def inputs(study: Study) -> dict[str, str]:
     """Name -> hash of everything that decides what comes out: the files, and what each component computes."""
-    return study.input_hashes() | components(study.scenario)
+    return study.input_hashes() | components(study.scenario) | analyses(study.scenario)
+
+
+def analyses(scenario: ScenarioSpec) -> dict[str, str]:
+    """Analysis -> hash of the file of its function."""
+    files = {one.name: inspect.getsourcefile(inspect.unwrap(one.load())) for one in scenario.analyses}
+    return {
+        f"analysis {name}": hashlib.sha256(Path(file).read_bytes()).hexdigest() for name, file in files.items() if file
+    }
 
 
 def components(scenario: ScenarioSpec) -> dict[str, str]:

@@ -136,15 +136,16 @@ def judged(study: Study, rows: list[Row], knobs: tuple[float, ...], part: str, i
     """A trial from its rows."""
     keys = study.keys.tune
     assert keys is not None
-    objective = statistic(values(study, rows, keys.metric), keys.of, keys.quantile)
+    failed = np.inf if keys.goal == "min" else -np.inf
+    objective = statistic(values(study, rows, keys.metric, failed), keys.of, keys.quantile)
     return Trial(knobs, objective, tuple(excess(study, rows, limit) for limit in study.limits), part, index)
 
 
-def values(study: Study, rows: list[Row], metric: str) -> Any:
-    """A metric of rows, infinite where a case failed."""
+def values(study: Study, rows: list[Row], metric: str, failed: float) -> Any:
+    """A metric of rows; `failed` where a case has none."""
     column = list(study.scenario.metrics).index(metric)
     metric_values = [row.metrics[column] if row.metrics else None for row in rows]
-    return np.array([np.inf if value is None else value for value in metric_values])
+    return np.array([failed if value is None else value for value in metric_values])
 
 
 def statistic(samples: Any, of: str, quantile: float) -> float:
@@ -159,10 +160,13 @@ def excess(study: Study, rows: list[Row], limit: Limit) -> float:
     if limit.expectation:
         column = [e.name for e in study.scenario.expectations].index(limit.expectation)
         holds = [row.holds[column] if row.holds else False for row in rows]
-        reached = float(np.mean([bool(item) for item in holds if item is not None] or [False]))
+        highest = lowest = float(np.mean([bool(item) for item in holds if item is not None] or [False]))
     else:
-        reached = statistic(values(study, rows, limit.metric), limit.statistic, limit.quantile)
-    over = reached - limit.at_most if limit.at_most is not None else -np.inf
-    under = limit.at_least - reached if limit.at_least is not None else -np.inf
+        highest, lowest = (
+            statistic(values(study, rows, limit.metric, failed), limit.statistic, limit.quantile)
+            for failed in (np.inf, -np.inf)
+        )
+    over = highest - limit.at_most if limit.at_most is not None else -np.inf
+    under = limit.at_least - lowest if limit.at_least is not None else -np.inf
     worst = max(over, under)
     return float(worst) if np.isfinite(worst) else BAD
