@@ -253,6 +253,12 @@ def test_remarks(problem):
     assert remarks_of(problem, inside=0.7) == ["the model does not represent the recording"]
 
 
+@pytest.mark.parametrize(("nis", "advice"), [(3.0, "are too small. Check noise"), (0.1, "are too large. Lower noise")])
+def test_it_is_told_which_side_of_the_band_is_left(problem, nis, advice):
+    (line,) = remarks(problem, [estimate(nis=nis, band=(0.5, 2.0))] * 10)
+    assert advice in line
+
+
 def test_a_forecast_is_recorded_at_the_time_that_it_is_for(problem):
     draws = np.arange(20.0).reshape(2, 10, 1)
     forecast = Forecast(0.1, np.array([0.2, 0.3]), ("Mass.y",), draws, np.array([0.25]))

@@ -126,7 +126,9 @@ def test_what_is_no_real_number_keeps_its_value_until_the_next_sample() -> None:
         ([0.0, 1.0], [0.0, 1.0, 2.01], ""),
         ([0.0, 0.1, 0.2], [0.0, 0.1, 0.2, 0.3, 0.4], "recorded to 0.2 s and to 0.4 s."),
         ([], [0.0, 1.0, 2.0], "recorded to 0 s and to 2 s."),
-        ([0.5], [0.0], "recorded to 0.5 s and to 0 s."),
+        ([0.5], [0.0], "recorded from 0.5 s and from 0 s, to 0.5 s and to 0 s."),
+        ([0.0, 1.0, 2.0], [1.0, 2.0], ""),
+        ([0.0, 1.0, 2.0, 3.0], [2.0, 3.0], "recorded from 0 s and from 2 s."),
         ([], [], ""),
     ],
 )

@@ -264,9 +264,17 @@ def remarks(problem: FollowProblem, estimates: Sequence[Estimate]) -> list[str]:
         if last.values[i] in (variable.low, variable.high):
             lines.append(f"{variable.name} is at its bound: widen it, or check the model.")
     if (fraction := in_band(estimates)) < REPRESENTED:
+        below, above = (
+            sum(side) for side in ([e.nis < e.band[0] for e in estimates], [e.nis > e.band[1] for e in estimates])
+        )
+        advice = (
+            "too large. Lower noise or walk."
+            if below > above
+            else "too small. Check noise and delay, raise a walk, or estimate what else changes."
+        )
         lines.append(
             f"the model does not represent the recording: NIS is in its 95 % band at {100 * fraction:.0f} % of the times only. "
-            "The standard deviations are too small. Check noise and delay, raise a walk, or estimate what else changes."
+            f"The standard deviations are {advice}"
         )
     return lines
 

@@ -213,12 +213,13 @@ def list_missing(kind: str, first: Iterable[str], second: Iterable[str]) -> list
 
 
 def describe_length_difference(first: Any, second: Any) -> str:
-    """Describe that one recording ended earlier by more than a sample interval; empty otherwise."""
-    ends = [float(times[-1]) if len(times) else 0.0 for times in (first, second)]
+    """Describe that one recording began later, or ended earlier, by more than a sample interval; empty otherwise."""
+    begins, ends = ([float(times[at]) if len(times) else 0.0 for times in (first, second)] for at in (0, -1))
     step = max((float(np.max(np.diff(times))) for times in (first, second) if len(times) > 1), default=0.0)
-    if abs(ends[0] - ends[1]) <= step * (1 + 1e-9):
-        return ""
-    return f"recorded to {ends[0]:g} s and to {ends[1]:g} s."
+    longest = step * (1 + 1e-9)
+    texts = [f"from {begins[0]:g} s and from {begins[1]:g} s"] * (abs(begins[0] - begins[1]) > longest)
+    texts += [f"to {ends[0]:g} s and to {ends[1]:g} s"] * (abs(ends[0] - ends[1]) > longest)
+    return f"recorded {', '.join(texts)}." if texts else ""
 
 
 def largest_difference(name: str, case: tuple[str, int], a: Signals, b: Signals, tolerance: float) -> Difference:
