@@ -3,6 +3,7 @@
 from hw_bridge.master import fault_report, restoration, setup
 from hw_bridge.master.acceleration import max_stoppable_speed
 from hw_bridge.master.activity import active_drives
+from hw_bridge.master.block_signals import block_signals
 from hw_bridge.master.master import Master
 from hw_bridge.master.module import ModuleNode
 from hw_bridge.master.node import Node
@@ -25,6 +26,7 @@ __all__ = [
     "Station",
     "WritePlan",
     "active_drives",
+    "block_signals",
     "fault_report",
     "max_stoppable_speed",
     "process_data",

@@ -323,8 +323,8 @@ class Master:
             restoration.finish(self)
             self.network.close()
             return
-        self.running = False
         with block_signals():
+            self.running = False
             try:
                 Stop(self).carry_out()
             except Exception as error:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import CycleTimeBudget
-from hw_bridge.master import Master
+from hw_bridge.master import Master, block_signals
 from hw_bridge.plant import set_up, start_position
 from hw_bridge.session.contact import ContactWatch
 from hw_bridge.session.late_cycle_policy import LateCyclePolicy
@@ -186,10 +186,13 @@ class Session:
         master.timing.synced(synced, self.origin + t + master.lead)
 
     def close(self) -> None:
-        """Stop everything, once."""
-        if self.closed:
-            return
-        self.closed = True
+        """Stop everything, once; a signal before or meanwhile does not keep it from that."""
+        with block_signals():
+            if not self.closed:
+                self.closed = True
+                self._close()
+
+    def _close(self) -> None:
         outcome = self.outcome
         if self.master is not None:
             if self.running and self.wall_clock:

@@ -1,5 +1,6 @@
 """One case without a bus: when it advances, how it ends after an error, what it reports; cycles at half speed."""
 
+import signal
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -182,6 +183,25 @@ def test_an_error_stops_all_drives(error, running, simulated, stopped, raised, n
     assert made.cycle_times == ({"wait": 1.0} if running and not simulated else {})
     made.close()
     assert made.master.calls == ["stop"]
+
+
+def test_a_signal_just_before_the_stop_does_not_skip_it():
+    """A second Ctrl-C while a first one, or an error, is about to stop the drives."""
+    own = session()
+    stop = own.master.stop
+
+    def interrupted():
+        signal.raise_signal(signal.SIGINT)
+        stop()
+
+    own.master.stop = interrupted
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        own.close()
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert own.master.calls[-1] == "stop"
 
 
 def test_a_problem_of_the_master_ends_the_run():
