@@ -9,6 +9,7 @@ from contextlib import closing
 import pytest
 from pyarrow import parquet
 
+from tests.study import patients
 from tests.study.patients import study_file
 from twin.coupling import CoSimulation
 from twin.errors import ScenarioError
@@ -262,3 +263,20 @@ def test_a_study_in_processes_gives_what_runs_of_its_cases_give(tmp_path, build)
         assert case.different(ran) == []
         again = load_scenario(ran.folder / "scenario.yaml")  # the run's own file has the events
         assert case.different(run_scenario(again, options)) == []
+
+
+@pytest.mark.parametrize(("stop", "ends"), [("", "1.5 s"), ("", "0.8 s"), ("stop", "1.5 s")])
+def test_a_metric_whose_window_a_stopped_case_does_not_reach_has_no_value(tmp_path, build, stop, ends):
+    """A shorter `stop_time` is the study's own will: there, the value of the shorter window stays."""
+    metric = "early: {signal: heart.position, reduce: max_abs, from: 0.5 s, to: 1.2 s, unit: mm}"
+    scenario = patients.SCENARIO.replace("metrics:\n", f"metrics:\n  {metric}\n")
+    scenario = scenario.replace("  motion: {signal: heart.position, reduce: max_abs, from: 1 s, unit: mm}\n", "")
+    scenario = scenario.replace("stop_time: 1.5 s", f"stop_time: {ends}")
+    if stop:
+        scenario += "events: [{when: heart.position > -1 m, after: 0.8 s, stop: true}]\n"
+    study = study_of(tmp_path, patients.STUDY, scenario)
+    with closing(engine_of(study, build)) as own:
+        row = own.row(next(study.requests()))
+    early = dict(zip(study.scenario.metrics, row.metrics, strict=True))["early"]
+    assert row.status == "done"
+    assert (early is None) is bool(stop)

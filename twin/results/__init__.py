@@ -7,6 +7,7 @@ import lazy_loader
 from twin.results import plot_annotations
 from twin.results.analysis import Analysis
 from twin.results.evaluation import dimension, expression
+from twin.results.evaluation.coverage import ends_before
 from twin.results.evaluation.expression import Expression
 from twin.results.evaluation.hardware_termination import HardwareTermination
 from twin.results.evaluation.metric_format import MetricFormat, common_format, metric_formats
@@ -74,6 +75,7 @@ __all__ = [
     "consecutive_spans",
     "count_verdicts",
     "dimension",
+    "ends_before",
     "evaluate",
     "export",
     "expression",

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin import clock
 from twin.coupling import (
     CoSimulation,
     MemoryRecorder,
@@ -23,7 +24,7 @@ from twin.coupling import (
     serialization_problems,
 )
 from twin.errors import SimulationError, TwinError
-from twin.results import Signals, evaluate, expression
+from twin.results import Signals, ends_before, evaluate, expression
 from twin.run import apply_analyses, build_simulation, noop, recorded_signals, resolve_catalogs, run_case
 from twin.scenario import Backend, load_scenario
 from twin.study.design import CommonPrefixes, Factor, StudyRequest, VariantInputs
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     from collections.abc import Hashable, Mapping, Sequence
     from pathlib import Path
 
-    from twin import clock
     from twin.coupling import Catalog, SavedState
     from twin.results import Expression
     from twin.scenario import Case, RecordSpec, ScenarioSpec
@@ -113,7 +113,7 @@ class Engine:
         return row
 
     def judged(self, request: StudyRequest, recorded: Signals | None, status: str, why: str) -> Row:
-        """Metrics, verdicts and samples of what was recorded; a metric whose window the run did not reach has no value."""
+        """Metrics, verdicts and samples of what was recorded. Of a run that was stopped before a metric's window ended it has no value."""
         metrics, expectations = self.scenario.metrics, self.scenario.expectations
         if recorded is None:
             own = [request.variant in (expectation.variants or (request.variant,)) for expectation in expectations]
@@ -125,8 +125,10 @@ class Engine:
             return Row(request.number, status, why, (None,) * len(metrics), lost)
         recorded = apply_analyses(self.scenario, request.variant, recorded)
         evaluation = evaluate(metrics, expectations, {(request.variant, request.seed): recorded}, paper_applies=False)
+        (planned,) = (case.stop_ns for case in self.scenario.variants if case.variant == request.variant)
+        is_stopped = len(recorded.time) > 0 and ends_before(recorded.time[-2:], clock.seconds(planned))
         values = {
-            result.metric.name: None if result.verdict == "cut" else result.values[request.seed]
+            result.metric.name: None if is_stopped and result.verdict == "cut" else result.values[request.seed]
             for result in evaluation.metric_results
         }
         verdicts: list[bool | None] = []

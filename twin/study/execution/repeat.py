@@ -45,7 +45,7 @@ class Single:
         for figure in run.evaluation.metric_results:
             name, value = figure.metric.name, figure.values.get(self.seed)
             before = self.row.get(name)
-            if before != value:
+            if before != value and not (before is None and figure.verdict == "cut"):
                 differences.append(f"{name} {figure.metric.shown(value)}, in the study {figure.metric.shown(before)}")
         return differences
 
