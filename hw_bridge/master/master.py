@@ -221,14 +221,16 @@ class Master:
             self.nmt(cia301.START, station.number)
             station.started, station.last_heartbeat_at = True, self.network.now
             station.boots = 0  # one from now on is a restart, or a second node
-        begun = self.network.now
+        started_at = self.network.now
         for _ in range(3):
             self.run_cycle()
         # a position that was never received is 0, and would move origin and limits of a drive
         self.run_until(
-            lambda: all(node.answered_at > begun for node in self.nodes.values()),
+            lambda: all(node.answered_at > started_at for node in self.nodes.values()),
             RAMP_UP,
-            lambda: ", ".join(f"{node.name}: no position" for node in self.nodes.values() if node.answered_at <= begun),
+            lambda: ", ".join(
+                f"{node.name}: no position" for node in self.nodes.values() if node.answered_at <= started_at
+            ),
         )
 
     def plan(self, station: Node | ModuleNode) -> WritePlan:

@@ -33,7 +33,7 @@ def inputs(study: Study) -> dict[str, str]:
 
 def analyses(scenario: ScenarioSpec) -> dict[str, str]:
     """Analysis -> hash of the file of its function."""
-    files = {one.name: inspect.getsourcefile(inspect.unwrap(one.load())) for one in scenario.analyses}
+    files = {analysis.name: inspect.getsourcefile(inspect.unwrap(analysis.load())) for analysis in scenario.analyses}
     return {
         f"analysis {name}": hashlib.sha256(Path(file).read_bytes()).hexdigest() for name, file in files.items() if file
     }
