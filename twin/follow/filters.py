@@ -59,7 +59,7 @@ class SquareRootFilter:
 
     def moved_root(self, noise: Array) -> Array:
         """Return a square root of the covariance with process noise of standard deviations `noise`, (n,)."""
-        return triangle(np.hstack([self.root, np.diag(noise)])) if noise.any() else self.root
+        return triangle(with_noise(self.root.T, noise)) if noise.any() else self.root
 
     def draw(self, random: np.random.Generator, count: int) -> Array:
         """Return draws of the estimate, (count, n)."""
@@ -93,11 +93,10 @@ class SquareRootFilter:
 
     def update(self, points: Array, outputs: Array, measured: Array, noise: Array) -> Update:
         """Correct the estimate. `outputs`: of the model at its points, (count, m); `noise`: standard deviations, (m,)."""
-        m, n = outputs.shape[1], points.shape[1]
+        m = outputs.shape[1]
         mean, predicted = self.center(points), self.center(outputs)
-        measurement = np.hstack([self.deviations(outputs).T, np.diag(noise)])
-        state = np.hstack([self.deviations(points).T, np.zeros((n, m))])
-        root = triangle(np.vstack([measurement, state]))
+        joint = np.hstack([self.deviations(outputs), self.deviations(points)])
+        root = triangle(with_noise(joint, noise))
         innovation = measured - predicted
         normalized = substitute(root[:m, :m], innovation)
         self.mean = np.clip(mean + root[m:, :m] @ normalized, self.low, self.high)
@@ -123,7 +122,7 @@ class Unscented(SquareRootFilter):
         """Return the points, (2 n + 1, n)."""
         steps = np.sqrt(len(self.mean) + CENTER) * self.moved_root(noise).T
         points = np.vstack([self.mean, self.mean + steps, self.mean - steps])
-        return np.asarray(np.clip(points, self.low, self.high))
+        return np.asarray(points.clip(self.low, self.high))
 
     def center(self, points: Array) -> Array:
         """Return the weighted mean."""
@@ -227,10 +226,19 @@ class Ensemble:
         return Update(predicted, innovation, deviation, float(normalized @ normalized), root, gain)
 
 
+def with_noise(deviations: Array, noise: Array) -> Array:
+    """Return deviations, (rows, n), with a row below for each standard deviation of a noise, (m,), of the first m columns."""
+    rows, m = len(deviations), len(noise)
+    result = np.zeros((rows + m, deviations.shape[1]))
+    result[:rows] = deviations
+    np.fill_diagonal(result[rows:], noise)
+    return result
+
+
 def triangle(matrix: Array) -> Array:
-    """Return the lower triangular L with L L' = A A'; A has at least as many columns as rows."""
-    factors, *_ = dgeqrf(matrix.T, overwrite_a=False)  # a tenth of the time of numpy.linalg.qr for small matrices
-    return np.tril(factors[: len(matrix)].T)
+    """Return the lower triangular L with L L' = A' A; A has at least as many rows as columns."""
+    factors, *_ = dgeqrf(matrix, overwrite_a=False)  # a tenth of the time of numpy.linalg.qr for small matrices
+    return np.tril(factors[: matrix.shape[1]].T)
 
 
 def substitute(root: Array, values: Array) -> Array:
