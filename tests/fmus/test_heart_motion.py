@@ -250,6 +250,15 @@ def test_a_fast_heart_that_wanders_is_not_followed_at_half_its_rate(native, rate
     assert (found.rate[times > LEARNED] > 0.75 * rate).all()
 
 
+@pytest.mark.parametrize(("rate", "seed"), [(2.3, 50), (2.5, 51), (2.7, 52)])
+def test_half_the_rate_in_the_search_is_no_doubt_while_the_filter_explains_more(native, rate, seed):
+    times, wall = beating(native, 30.0, rate=rate, wander=0.05, seed=seed, respiration=3e-3, sinus_arrhythmia=0.05)
+    found = estimated(native, tracked(wall))
+    late = times > LEARNED
+    assert (found.search_rate[late] < 0.6 * rate).any()
+    assert (found.status[late] == VALID).all()
+
+
 @pytest.mark.slow
 def test_a_heart_beyond_the_range_that_is_followed_at_half_its_rate_is_in_doubt(native):
     times, wall = beating(native, 30.0, rate=3.4, wander=0.02)

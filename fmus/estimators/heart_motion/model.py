@@ -301,12 +301,20 @@ def watch(self: HeartMotion) -> None:
     if not scan(self, TREND):
         return
     ratio = self.mean[RATE] / (2.0 * pi * self.beat_rate)
-    if self.beat_rest < PLAIN and not 0.75 < ratio < 1.33:
+    if self.beat_rest < PLAIN and (ratio < 0.75 or (ratio > 1.33 and not explains_more(self))):
         self.doubt += 1
     else:
         self.doubt = 0
     if self.doubt >= 3 or self.trouble > TROUBLED:
         begin(self)
+
+
+def explains_more(self: HeartMotion) -> bool:
+    """Return whether the filter leaves less of the motion than the search: the rate found is then half of the heart's, which fits as well."""
+    power = 0.0
+    for i in range(HARMONICS):
+        power += 0.5 * self.amplitude[i] * self.amplitude[i]
+    return not self.off_beat and self.level < self.beat_rest * power
 
 
 def realign(self: HeartMotion) -> None:
