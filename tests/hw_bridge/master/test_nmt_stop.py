@@ -141,9 +141,7 @@ def restart_operational(drive):
     """Restart a drive that goes to Operational by itself (1F80h): it has the RPDO mapping of its power-on at once."""
     enter = drive.nmt.enter
     drive.nmt.boot_time = MILLISECOND
-    drive.nmt.enter = lambda state: enter(
-        NmtState.OPERATIONAL if drive.port.state is NmtState.INITIALIZING else state
-    )
+    drive.nmt.enter = lambda state: enter(NmtState.OPERATIONAL if drive.port.state is NmtState.INITIALIZING else state)
     drive.restart()
 
 
@@ -181,7 +179,9 @@ def test_a_restart_while_the_other_drive_is_brought_up_ends_it_at_once(build, mo
             frames.append(frames_of_targets(rig.session.bench.bus, first.node))
 
     monkeypatch.setattr(setup, "limit_positions", restart_first)
-    with pytest.raises(SimulationError, match=r"a: started anew by itself while it was brought up\. Check its supply\."):
+    with pytest.raises(
+        SimulationError, match=r"a: started anew by itself while it was brought up\. Check its supply\."
+    ):
         rig.go(10)
     assert len(frames[0]) <= 2, "of the cycle in which it boots"
 
