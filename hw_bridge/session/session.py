@@ -207,7 +207,7 @@ class Session:
         if self.bench is not None:
             outcome.record_faults_at_rest(self.bench, self.failed)
         if self.listener is not None:
-            self.listener.close()
+            outcome.notes += filter(None, [self.listener.close()])
             outcome.bus_events = self.timeline()
         outcome.notes += [line for observer in self.observers.values() for line in observer.warnings]
 

@@ -86,8 +86,8 @@ class BusChoice:
             network.close()
             for text in network.observer_errors:
                 paragraph(f"warning: {text}")
-            if writer is not None:
-                writer.close()
+            if writer is not None and (problem := writer.close()):
+                paragraph(f"warning: {problem}")
 
     @contextmanager
     def sdo_session(self) -> Iterator[SdoSession]:

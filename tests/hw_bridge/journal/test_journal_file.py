@@ -138,7 +138,9 @@ def test_a_journal_that_its_last_program_removes_just_now_is_made_anew(path, mon
     journal.record([CHANGE])
     killed(journal)
     monkeypatch.undo()
-    assert list(opened(path).changes) == [CHANGE.address]
+    found = opened(path)
+    killed(found)
+    assert list(found.changes) == [CHANGE.address]
 
 
 def test_no_journal_no_write(path):
