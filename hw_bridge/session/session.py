@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import CycleTimeBudget
-from hw_bridge.master import Master, block_signals
+from hw_bridge.master import LateCyclePolicy, Master, block_signals
 from hw_bridge.plant import set_up, start_position
 from hw_bridge.session.contact import ContactWatch
-from hw_bridge.session.late_cycle_policy import LateCyclePolicy
 from hw_bridge.session.output_bindings import bind_outputs
 from hw_bridge.session.run_outcome import RunOutcome
 from hw_bridge.session.target_dispatcher import TargetDispatcher

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from hw_bridge.hardware import HardwareKeys
+from hw_bridge.master.late_cycle_policy import SLOW, LateCyclePolicy
 from hw_bridge.session import Observers, Session
-from hw_bridge.session.late_cycle_policy import SLOW, LateCyclePolicy
 from tests.every_case import every_case
 from tests.hw_bridge.axis import node as node_keys
 from twin.errors import SimulationError
