@@ -270,6 +270,16 @@ def test_a_dcf_file_is_restored_where_it_differs():
     assert "1601h.1" in refused[0]
 
 
+def test_a_dcf_file_with_a_mapping_entry_alone_leaves_the_rest_of_the_pdo_as_it_is():
+    node = unconnected_node(values={(0x6041, 0): WORDS[State.DISABLED]})
+    own = node.server.dictionary.values
+    before = {address: own[address] for address in ((0x1401, 1), (0x1401, 2), (0x1601, 0))}
+    changed, refused = dcf.restore(SESSION, node, {(0x1601, 1): 0x60FF0020})
+    assert (len(changed), refused) == (1, [])
+    assert own[0x1601, 1] == 0x60FF0020
+    assert {address: own[address] for address in before} == before
+
+
 @pytest.mark.parametrize(("sub", "what"), [(1, "vendor"), (2, "product code")])
 def test_a_dcf_file_of_another_drive(sub, what):
     node = unconnected_node(values={(0x1018, sub): 0x21})
