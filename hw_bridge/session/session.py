@@ -203,6 +203,8 @@ class Session:
             if outcome.stopped is not None:
                 time, reason = outcome.stopped
                 outcome.stopped = time, self.master.describe_failure(reason)
+        elif self.bench is not None:  # its trace cannot be written, for example
+            self.bench.network.close()
         if self.bench is not None:
             outcome.record_faults_at_rest(self.bench, self.failed)
         if self.listener is not None:

@@ -77,9 +77,10 @@ class BusChoice:
             network = bench_network(self.keys, self.build)
         else:
             network = WireNetwork(self.interface or "", self.channel or "", self.bit_rate, self.options)
-        writer = TraceWriter(self.trace, self.channel or "can", network.wall_clock) if self.trace is not None else None
+        writer = None
         try:
-            if writer is not None:
+            if self.trace is not None:
+                writer = TraceWriter(self.trace, self.channel or "can", network.wall_clock)
                 network.observe(writer.write)
             yield network
         finally:

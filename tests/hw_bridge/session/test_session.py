@@ -185,6 +185,21 @@ def test_an_error_stops_all_drives(error, running, simulated, stopped, raised, n
     assert made.master.calls == ["stop"]
 
 
+def test_a_bus_is_closed_again_where_its_trace_cannot_be_written():
+    """Else the adapter, and the priority of this process, would stay taken as long as it runs."""
+    made, closed = session(started=False), []
+    network = made.bench.network = SimpleNamespace(close=lambda: closed.append(True))
+    made.network, made.orders.begin, made.master = lambda: network, lambda: None, None
+
+    def refuse(*_):
+        raise SimulationError("run.xyz: no trace format.")
+
+    made.observer_factories = Observers(refuse, None)
+    with pytest.raises(SimulationError, match=r"^run\.xyz: no trace format\.$"):
+        made.step("axis", 0.0, 0.001)
+    assert closed == [True]
+
+
 def test_a_signal_just_before_the_stop_does_not_skip_it():
     """A second Ctrl-C while a first one, or an error, is about to stop the drives."""
     own = session()
