@@ -20,8 +20,8 @@ class Listener(Protocol):
         Then the first line is the number of earlier ones: `before: 3 more`.
         """
 
-    def close(self) -> None:
-        """End of the frames."""
+    def close(self) -> str:
+        """End of the frames; return why what it stores is incomplete, or an empty string."""
 
 
 class Observer(Protocol):

@@ -207,7 +207,7 @@ def reset(file: Path, node: str | None, build: Path) -> None:
 
 def reset_drive(master: Master, node: Node) -> bool:
     """Reset one drive if it matches and is in Fault; return whether it is in no Fault now."""
-    from hw_bridge.commission import pending_error
+    from hw_bridge.commission import assert_not_driven, pending_error
     from hw_bridge.dictionary import State
     from hw_bridge.master import setup
 
@@ -215,7 +215,9 @@ def reset_drive(master: Master, node: Node) -> bool:
         if problems := master.compare(node):
             say(f"differs: {' '.join(problems)}")
             return False
-        if not (fault := setup.faults(node) or pending_error(node)):
+        if not (fault := setup.faults(node)) and (fault := pending_error(node)):
+            assert_not_driven(node)  # a reset begins with 6040h = 0: a moving axis would coast or fall
+        if not fault:
             say(f"{node.name}: is in no Fault.")
             return True
         state = setup.reset(node)

@@ -64,4 +64,7 @@ def axis(path: Path, keys: HardwareKeys, word: str) -> Axis:
     root = read(path, str(path))
     turns, moves = (not plausible.units(root, name, rotary) for rotary in (True, False))
     own = keys.nodes[name]
-    return Axis(name, own, turns and (not moves or own.drive.motor.unit == "rad"))
+    rotary = turns and (not moves or own.drive.motor.unit == "rad")
+    if problem := plausible.gearing(own, rotary):
+        raise SimulationError(f"{path}: nodes.{name}: {problem}")
+    return Axis(name, own, rotary)

@@ -163,20 +163,24 @@ def _restore_pdo(node: Station, index: int, wanted: Mapping[tuple[int, int], Val
     """Restore a PDO by the procedure of CiA 301: disable, kind and times, mapping, enable if it was.
 
     Entries beyond the count are written too, where they differ. Returns a line for each of those that the drive refuses: no PDO
-    carries them.
+    carries them. A COB-ID or count that the file does not have stays the drive's.
     """
+
+    def target_value(target: int, sub: int) -> int:
+        if (target, sub) in wanted:
+            return int(wanted[target, sub])
+        return int.from_bytes(setup.upload(node, target, sub), "little")
 
     def put(target: int, sub: int, value: int) -> None:
         setup.write(node, target, sub, value, lasting=True)
 
-    identifier = int(wanted[index, 1])
+    identifier, count = target_value(index, 1), target_value(index + 0x200, 0)
     put(index, 1, identifier | cia301.INVALID)
     for sub in (2, 3, 5):
         entry = node.mirror.objects[index].get(sub)
         if (index, sub) in wanted and entry is not None and entry.writable:
             put(index, sub, int(wanted[index, sub]))
     mapping = index + 0x200
-    count = int(wanted.get((mapping, 0), 0))
     put(mapping, 0, 0)
     refused = []
     for target in sorted(sub for number, sub in wanted if number == mapping and sub):

@@ -96,11 +96,14 @@ class DeadMan:
 
     def __init__(self) -> None:
         self.direction = 0  # of the last key
-        self.last = LONG_AGO  # when it came [ns]
+        self.last = self.looked = LONG_AGO  # when it came, and time of the last look [ns]
         self.is_held = False
 
     def look(self, keys: list[str], now: int) -> int:
-        """Return the direction, given the keys since the last call."""
+        """Return the direction, given the keys since the last call. After a stall their age is unknown: the last one counts as alone."""
+        if now - self.looked > HOLD:
+            self.direction, keys = 0, keys[-1:]
+        self.looked = now
         for key in keys:
             direction = DIRECTIONS.get(key, 0)
             self.is_held = direction != 0 and direction == self.direction and now - self.last < BEGIN

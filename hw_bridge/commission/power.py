@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from hw_bridge.bus import MILLISECOND
@@ -33,9 +34,11 @@ def disable(sdo_session: SdoSession, node: Node) -> State:
             _write(node, cia402.TYPICAL[Command.QUICK_STOP])
         end = sdo_session.network.now + STANDSTILL
         while sdo_session.network.now < end and state in BRAKING:
-            state = state_of(node.sdo.number(0x6041) & 0xFFFF)
-            speed = int.from_bytes(node.sdo.read(0x606C), "little", signed=True)
-            if state is State.QUICK_STOP and not speed:
+            speed = None
+            with suppress(SimulationError):  # neither a lost answer nor a drive without 606Ch leaves its power on
+                state = state_of(node.sdo.number(0x6041) & 0xFFFF)
+                speed = int.from_bytes(node.sdo.read(0x606C), "little", signed=True)
+            if state is State.QUICK_STOP and speed == 0:
                 break
             sdo_session.wait(LOOK)
     _write(node, cia402.TYPICAL[Command.DISABLE_VOLTAGE])

@@ -80,7 +80,8 @@ class SdoSession:
             client = self.client(number)
             chosen = profile_name_of(client.number(0x1018, 1), client.number(0x1018, 2), client.number(0x1000))
         if chosen in DRIVE_PROFILES or (keys is not None and chosen == keys.profile and chosen in GENERIC):
-            own = keys if isinstance(keys, NodeKeys) else NodeKeys.model_validate({"node": number, "profile": chosen})
+            own = keys if isinstance(keys, NodeKeys) else NodeKeys.model_validate({"node": 1, "profile": chosen})
+            own = own.model_copy(update={"node": number})  # also 127, which no hardware file may name
             described = own.drive if own.profile == chosen else profile(chosen)
             made: Node | Station = Node(name, own, described, self.network, self.wait)
         else:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.commission.ramp import Ramp
 from hw_bridge.dictionary import Mode
-from hw_bridge.master import Master, setup
+from hw_bridge.master import LateCyclePolicy, Master, setup
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -64,6 +64,7 @@ class SingleAxisSession:
         self.network, self.node = network, self.master.nodes[name]
         self.node.rotary = rotary
         self.cycle = keys.cycle
+        self.late_cycle_policy = LateCyclePolicy(keys)
         self.h = keys.cycle / 1e9
         self.samples: list[Sample] = []
         self.due = 0
@@ -114,8 +115,9 @@ class SingleAxisSession:
         self._pass()
 
     def _pass(self) -> None:
-        """Check, exchange, and wait for the next cycle. A late cycle is not caught up with."""
+        """Check, exchange, and wait for the next cycle. A late cycle is not caught up with; `late_cycle` may end it."""
         node = self.node
+        self.late_cycle_policy.check(self.network.now - self.due, self.network.now)
         if problem := self.master.check():
             raise SimulationError(f"{problem} It stops.")
         if self.master.attend is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -24,6 +25,7 @@ GROUPS: dict[str, tuple[tuple[int, int], ...]] = {
     "inputs and outputs": ((0x60FD, 0), (0x60FE, 1)),
     "if this program is lost": ((0x1016, 1), (0x1017, 0), (0x6007, 0), (0x60C2, 1)),
 }  # fmt: skip
+MODE = 0x6061
 VAGUE = ("Actual [mA]",)  # names that say nothing without their record's
 MONITORED = ((0x6041, 0), (0x6061, 0), (0x6064, 0), (0x606C, 0), (0x6077, 0), (0x6078, 0), (0x603F, 0))
 
@@ -47,17 +49,18 @@ def status(node: Station) -> Status:
 
 def rows(node: Station, addresses: tuple[tuple[int, int], ...]) -> list[Row]:
     """Name and value of the objects at these addresses that the node has."""
-    lines = []
+    values = []
     for index, sub in addresses:
         entry = node.mirror.objects.get(index, {}).get(sub)
         if entry is None:
             continue
-        try:
-            value = upload(node, entry)
-        except SdoError:
-            continue
-        if index == 0x6061:
-            node.mirror.values[index, sub] = value
+        with suppress(SdoError):
+            values.append((entry, upload(node, entry)))
+            if index == MODE:  # bits of the statusword, which is read before, depend on it
+                node.mirror.values[index, sub] = values[-1][1]
+    lines = []
+    for entry, value in values:
+        index, sub = entry.index, entry.sub
         title = entry.title if entry.name in VAGUE else entry.name
         lines.append(
             (f"{index:04X}h{f'.{sub}' if sub else ''} {title.partition(' [')[0]}", format_value(node, entry, value))

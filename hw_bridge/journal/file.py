@@ -67,16 +67,13 @@ class JournalFile:
     def __init__(self, path: Path, identity: DriveIdentity) -> None:
         """Open or create it. SimulationError if it is damaged, of another drive, or in use; it is kept in each case."""
         self.path, self.identity = path, identity
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self.file = path.open("a+b", buffering=0)  # nothing is left to write when it is closed
-        except OSError as error:
-            raise SimulationError(
-                f"{path}: cannot be written: {error.strerror}. No drive is written without a journal: set TWIN_STATE to a "
-                f"folder that can be."
-            ) from None
+        self._open()
         try:
             self._lock()
+            while not self._is_at_its_path():  # the program that held it has removed it meanwhile
+                self.file.close()
+                self._open()
+                self._lock()
             self.rows = self._read()
             if not self.rows:
                 self.file.seek(0)
@@ -91,6 +88,23 @@ class JournalFile:
     def changes(self) -> list[dict[str, Any]]:
         """Its lines without the header."""
         return self.rows[1:]
+
+    def _open(self) -> None:
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self.file = self.path.open("a+b", buffering=0)  # nothing is left to write when it is closed
+        except OSError as error:
+            raise SimulationError(
+                f"{self.path}: cannot be written: {error.strerror}. No drive is written without a journal: set TWIN_STATE to "
+                f"a folder that can be."
+            ) from None
+
+    def _is_at_its_path(self) -> bool:
+        """Whether the locked file is the one that the next process finds."""
+        try:
+            return os.path.samestat(os.fstat(self.file.fileno()), self.path.stat())
+        except FileNotFoundError:
+            return False
 
     def _lock(self) -> None:
         try:

@@ -4,6 +4,7 @@ from hw_bridge.master import fault_report, restoration, setup
 from hw_bridge.master.acceleration import max_stoppable_speed
 from hw_bridge.master.activity import active_drives
 from hw_bridge.master.block_signals import block_signals
+from hw_bridge.master.late_cycle_policy import LateCyclePolicy
 from hw_bridge.master.master import Master
 from hw_bridge.master.module import ModuleNode
 from hw_bridge.master.node import Node
@@ -15,6 +16,7 @@ from hw_bridge.master.station import Station
 
 __all__ = [
     "PDOS",
+    "LateCyclePolicy",
     "Master",
     "ModuleNode",
     "Node",

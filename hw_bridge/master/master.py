@@ -148,7 +148,7 @@ class Master:
             node.follow(self.cycle, elapsed)
         for station in self.stations.values():
             station.count_answers()
-            if self.running or self.has_mapping(station):
+            if self.has_mapping(station):
                 for frame in station.frames():
                     self.network.send(frame)
         if any(station.in_doubt for station in self.stations.values()):
@@ -299,6 +299,10 @@ class Master:
             if watch is not None:
                 watch()
             for station in self.stations.values():
+                if station.boots:
+                    raise SimulationError(
+                        f"{station.name}: started anew by itself while it was brought up. Check its supply."
+                    )
                 if self.lost(station) or station.silent > 4 * stall_bounds.SILENT_CYCLES:
                     missing = "heartbeat" if self.lost(station) else "process data"
                     raise SimulationError(

@@ -301,7 +301,7 @@ class Node(Station):
         if self.keys.offset:
             values[0x60B1] = self.round_offset(offset / (self.sign * self.units.velocity))
         self._last_values = values
-        return pdo_mapping.encode_frames(self._received, values)
+        return pdo_mapping.encode_frames(self.name, self._received, values)
 
     def _set_point(self) -> int:
         """Set-point bits of the controlword in pp. In other modes an edge would be lost, and bit 12 has another meaning."""
@@ -316,7 +316,8 @@ class Node(Station):
         if not self.follows or not self.set_points.acknowledge(self.word):
             return []
         values = {**self._last_values, 0x6040: self._last_values[0x6040] & ~cia402.NEW_SET_POINT}
-        return pdo_mapping.encode_frames([pdo for pdo in self._received if CONTROLWORD in pdo[2]], values)
+        control = [pdo for pdo in self._received if CONTROLWORD in pdo[2]]
+        return pdo_mapping.encode_frames(self.name, control, values)
 
     def controlword(self, state: State) -> int:
         """Controlword of the next transition to the goal."""

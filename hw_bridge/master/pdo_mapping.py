@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.bus import Frame
 from hw_bridge.dictionary import Mode, cia402
+from twin.errors import SimulationError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -22,6 +23,7 @@ FORCE = (0x60710010,)  # target force: in a PDO of its own, the others are full
 OFFSET = (0x60B10020,)  # velocity feedforward: in the target's PDO, so that neither arrives alone
 SPEED = 0x606C0020
 ACKNOWLEDGE = (0x60410010,)  # of a drive with set-points (pp): sent on change
+TARGET_OBJECTS = (0x607A, 0x60FF, 0x6071, 0x60B1)
 PDOS = range(4)
 SIGNED, UNSIGNED = {8: "b", 16: "h", 32: "i"}, {0x6040: "H", 0x6041: "H", 0x60FE: "I"}  # by bits, by object
 
@@ -64,9 +66,21 @@ def layout(words: tuple[int, ...]) -> struct.Struct:
     return struct.Struct("<" + "".join(UNSIGNED.get(word >> 16, SIGNED[word & 0xFF]) for word in words))
 
 
-def encode_frames(pdos: Iterable[tuple[int, struct.Struct, tuple[int, ...]]], values: Mapping[int, int]) -> list[Frame]:
-    """Frames of RPDOs, each with its identifier, layout and mapping words. `values`: by object."""
-    return [Frame(number, form.pack(*(values[word >> 16] for word in words))) for number, form, words in pdos]
+def encode_frames(
+    name: str, pdos: Iterable[tuple[int, struct.Struct, tuple[int, ...]]], values: Mapping[int, int]
+) -> list[Frame]:
+    """Frames of the RPDOs of a drive, each with its identifier, layout and mapping words. `values`: by object.
+
+    SimulationError for a value that an object cannot hold: it would be another target if it wrapped around.
+    """
+    try:
+        return [Frame(number, form.pack(*(values[word >> 16] for word in words))) for number, form, words in pdos]
+    except struct.error:
+        targets = ", ".join(f"{index:04X}h = {values[index]}" for index in TARGET_OBJECTS if index in values)
+        raise SimulationError(
+            f"{name}: a target is more than the drive can count ({targets}). Check limits, scale and units, or home a drive that "
+            f"counts from far away. All drives stop."
+        ) from None
 
 
 def takes_set_points(mirror: Dictionary) -> bool:

@@ -305,7 +305,8 @@ def _positions(plan: WritePlan, node: Node) -> None:
                 0x607D, sub, value, f"limits.position and a tenth, {begin}{OWN if value != wide else ''}", later=True
             )
     if MODE in node.mirror.objects:
-        plan.add(MODE, 0, int(node.own_mode), "mode of operation, by process data", later=True)
+        plan.stored_value(MODE)  # recorded also where it is in this mode: process data may command another one later
+        plan.writes.append(PlannedWrite(MODE, 0, int(node.own_mode), "mode of operation, by process data", later=True))
 
 
 def plan_heartbeat(plan: WritePlan, master: int) -> None:

@@ -49,7 +49,7 @@ def learn_scaling(node: Node) -> None:
                 node.own.assumed.append(
                     f"{address[0]:04X}h.{address[1]} cannot be read: {describe_abort_code(error.code)}"
                 )
-    node.own.assumed += _unequal_polarity(node.mirror.get(POLARITY))
+    node.own.assumed += _unequal_polarity(node.mirror.get(POLARITY), node.has_target_force)
     node.own.assumed += _unstated_units(node)
     try:
         node.own.assumed += node.profile.unsure(node.mirror, magnetic_pitch(node.keys.motor))
@@ -63,11 +63,15 @@ def learn_scaling(node: Node) -> None:
         node.use_units()
 
 
-def _unequal_polarity(polarity: int) -> list[str]:
-    """Return a line if 607Eh reverses positions but not velocities, or the reverse: a loop over both would diverge."""
+def _unequal_polarity(polarity: int, forces: bool) -> list[str]:
+    """Return a line if 607Eh reverses positions but not velocities, or the reverse: a loop over both would diverge.
+
+    Forces have no bit in it (CiA 402): a target force would push the other way, and away from where a loop wants it.
+    """
     kinds = {bool(polarity & OF_POSITIONS): "positions", bool(polarity & OF_VELOCITIES): "velocities"}
     if len(kinds) == 1:
-        return []
+        reversed_motion = f"607Eh is {polarity:X}h: positions and velocities are reversed, target forces are not"
+        return [reversed_motion] if forces and True in kinds else []
     return [f"607Eh is {polarity:X}h: {kinds[True]} are reversed, {kinds[False]} are not"]
 
 

@@ -108,8 +108,8 @@ class Station:
         self.answered = 0
 
     def forget(self) -> None:
-        """Reset statistics at the start of a run."""
-        self.missing = self.late = self.silent = self.boots = 0
+        """Reset statistics at the start of a run; a restart since its set-up stays known, its PDO mapping is lost."""
+        self.missing = self.late = self.silent = 0
         self.nmt_state, self.oldest = None, 0
         for age in self.ages.values():
             age.forget()

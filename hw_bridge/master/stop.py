@@ -221,12 +221,15 @@ class Stop:
             node.sdo.timeout = TIMEOUT // 3
         try:
             setup.make_safe(node)
+        except SimulationError as error:  # it is disabled all the same
+            why = f" {error}"
+        try:
             state = setup.release(node)
             if state in (State.FAULT, State.REACTION):
                 self.master.fault_texts.append(setup.faults(node))
             self._report_limit_switches(node)
         except SimulationError as error:
-            why = f" {error}"
+            why += f" {error}"
         if why or state not in AT_REST:
             self.master.notes.append(
                 f"{node.name}: did not confirm that it is disabled (last state: {state}).{why} "

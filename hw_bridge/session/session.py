@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import CycleTimeBudget
-from hw_bridge.master import Master, block_signals
+from hw_bridge.master import LateCyclePolicy, Master, block_signals
 from hw_bridge.plant import set_up, start_position
 from hw_bridge.session.contact import ContactWatch
-from hw_bridge.session.late_cycle_policy import LateCyclePolicy
 from hw_bridge.session.output_bindings import bind_outputs
 from hw_bridge.session.run_outcome import RunOutcome
 from hw_bridge.session.target_dispatcher import TargetDispatcher
@@ -204,10 +203,12 @@ class Session:
             if outcome.stopped is not None:
                 time, reason = outcome.stopped
                 outcome.stopped = time, self.master.describe_failure(reason)
+        elif self.bench is not None:  # its trace cannot be written, for example
+            self.bench.network.close()
         if self.bench is not None:
             outcome.record_faults_at_rest(self.bench, self.failed)
         if self.listener is not None:
-            self.listener.close()
+            outcome.notes += filter(None, [self.listener.close()])
             outcome.bus_events = self.timeline()
         outcome.notes += [line for observer in self.observers.values() for line in observer.warnings]
 

@@ -44,10 +44,9 @@ class Watch:
         if self.writer is not None:
             self.writer.write(time, frame)
 
-    def close(self) -> None:
-        """Complete the trace."""
-        if self.writer is not None:
-            self.writer.close()
+    def close(self) -> str:
+        """Complete the trace; return why it is incomplete, or an empty string."""
+        return self.writer.close() if self.writer is not None else ""
 
     def lines(self) -> list[DecodedFrame]:
         """Decode the recorded frames."""

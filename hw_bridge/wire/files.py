@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
@@ -29,11 +30,12 @@ SUFFIXES = tuple(READERS)
 class TraceWriter:
     """Writer of the frames of one run. Times [ns] are the bus's own; only a header contains the date.
 
-    `aside`: in a thread of its own, where a loop on the wall clock must not wait for compression or a disk.
+    `aside`: in a thread of its own, where a loop on the wall clock must not wait for compression or a disk. A disk that
+    takes no more ends the trace, not the run: `close` returns why.
     """
 
     def __init__(self, path: Path, channel: str, aside: bool = False) -> None:
-        self.path = path
+        self.path, self._problem, self._last = path, "", 0  # time of the last frame [ns]
         if path.suffix.lower() not in SUFFIXES:
             raise SimulationError(f"{path}: no trace format {path.suffix!r}. Use {', '.join(SUFFIXES)}.")
         try:
@@ -64,16 +66,28 @@ class TraceWriter:
             self._write(*item)
 
     def _write(self, time: int, frame: Frame | None) -> None:
+        if self._problem:
+            return
         message = can.Message(is_error_frame=True) if frame is None else to_message(frame)
-        message.timestamp = time / 1e9
-        self._writer.on_message_received(message)
+        message.timestamp, self._last = time / 1e9, time
+        self._attempt(partial(self._writer.on_message_received, message))
 
-    def close(self) -> None:
-        """Complete the file."""
+    def _attempt(self, action: Callable[[], None]) -> None:
+        try:
+            action()
+        except Exception as error:  # of the disk, or of what python-can's writer meets
+            self._problem = self._problem or (
+                f"{self.path}: cannot be written: {getattr(error, 'strerror', None) or error}. The trace is incomplete: it "
+                f"ends before {self._last / 1e9:.3f} s."
+            )
+
+    def close(self) -> str:
+        """Complete the file; return why it is incomplete, or an empty string."""
         if self._thread is not None:
             self._queue.put(None)
             self._thread.join()
-        self._writer.stop()
+        self._attempt(self._writer.stop)
+        return self._problem
 
 
 def read(path: Path) -> Iterator[tuple[int, Frame | None, str]]:

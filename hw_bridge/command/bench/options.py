@@ -77,17 +77,18 @@ class BusChoice:
             network = bench_network(self.keys, self.build)
         else:
             network = WireNetwork(self.interface or "", self.channel or "", self.bit_rate, self.options)
-        writer = TraceWriter(self.trace, self.channel or "can", network.wall_clock) if self.trace is not None else None
+        writer = None
         try:
-            if writer is not None:
+            if self.trace is not None:
+                writer = TraceWriter(self.trace, self.channel or "can", network.wall_clock)
                 network.observe(writer.write)
             yield network
         finally:
             network.close()
             for text in network.observer_errors:
                 paragraph(f"warning: {text}")
-            if writer is not None:
-                writer.close()
+            if writer is not None and (problem := writer.close()):
+                paragraph(f"warning: {problem}")
 
     @contextmanager
     def sdo_session(self) -> Iterator[SdoSession]:

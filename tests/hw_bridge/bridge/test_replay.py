@@ -2,11 +2,13 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from fmus.servomotor.model import Servomotor
 
 from hw_bridge.bridge.entry import load
 from hw_bridge.bridge.replay import Replay, replay
+from hw_bridge.plant import start_position
 from hw_bridge.wire import read
 from tests.hw_bridge.axis import Rig
 from tests.hw_bridge.bridge.test_bridge import NODES
@@ -55,6 +57,32 @@ def test_a_recorded_drive_shows_what_the_drive_showed(build, tmp_path, suffix, n
     assert float(axis.views["overload"]) != float(axis.views["overload"])  # not in the trace
     axis.close()
     assert "from 0.4" in (text := again.report()["shown"][0]) or "from 0.5" in text
+
+
+@pytest.mark.parametrize("outputs", [("motor_angle", "torque", "force", "limited"), ("position",)])
+def test_values_that_follow_from_those_of_a_trace(build, tmp_path, outputs):
+    """By scale and force constant; what the member does not have as an output is left out."""
+    keys = {**NODES["faulhaber_v3"], "scale": 0.5, "force_constant": "4 N/A"}
+    rig = Traced(build, {"servomotor": keys}, tmp_path / "run.log")
+    drive(rig, 40)
+    axis = Replay(Path("bench.yaml"), rig.hardware.keys, rig.session.trace)._component("servomotor", Servomotor)()
+    track = axis._track
+    axis.start()
+    axis.views = {name: np.zeros(()) for name in outputs}
+    for name, value in (("statusword", 0x0A27), ("current", 0.5)):
+        track.values[name] = [value] * len(track.values[name])
+    axis.advance(0.1, 1e-3)
+    position = track.at("position_actual_value", 2**62) + start_position(axis) - track.home
+    wanted = {
+        "position": position,
+        "motor_angle": position / 0.5,
+        "force": 2.0,
+        "torque": 1.0,
+        "limited": 1.0,
+    }
+    assert {name: float(view) for name, view in axis.views.items()} == pytest.approx(
+        {name: wanted[name] for name in outputs}
+    )
 
 
 @pytest.mark.slow

@@ -188,6 +188,13 @@ def test_an_absurd_limit_is_a_problem():
         ),
         ({(0x1001, 0): 0x10}, [], State.DISABLED, True, "axis: still tells an error (1001h is 10h). Reset: Switch on"),
         ({(0x6041, 0): WORDS[State.FAULT]}, ["another.", "wrong."], None, False, "differs: another. wrong."),
+        (
+            {(0x6041, 0): WORDS[State.ENABLED], (0x1001, 0): 0x10},
+            [],
+            None,
+            False,
+            "differs: axis: is in Operation enabled: somebody drives it.",
+        ),
     ],
 )
 def test_a_drive_leaves_fault(capsys, values, problems, after, is_free, text):
@@ -202,6 +209,7 @@ def test_a_drive_leaves_fault(capsys, values, problems, after, is_free, text):
 
     node.sdo.write = write
     assert hil.reset_drive(master, node) is is_free
+    assert bool(node.server.written) is (after is not None and "is in no Fault" not in text)
     assert " ".join(capsys.readouterr().out.split()).startswith(text)
 
 

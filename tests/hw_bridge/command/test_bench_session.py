@@ -346,3 +346,13 @@ def test_frames_as_json_and_csv(decode):
     assert [" ".join(f"{key}={value}" for key, value in row["values"].items()) for row in rows] == [
         line.rsplit(",", 1)[1] for line in text[1:]
     ]
+
+
+def test_a_bus_is_left_where_its_trace_cannot_be_written(monkeypatch, tmp_path):
+    closed = []
+    network = SimpleNamespace(wall_clock=True, close=lambda: closed.append(True), observer_errors=[])
+    monkeypatch.setattr("hw_bridge.wire.WireNetwork", lambda *_: network)
+    choice = BusChoice(None, "virtual", "x", 1_000_000, {}, tmp_path / "a.xyz", tmp_path)
+    with pytest.raises(SimulationError, match="no trace format"), choice.network():
+        pass
+    assert closed == [True]

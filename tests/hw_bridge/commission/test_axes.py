@@ -26,10 +26,10 @@ def drive(tmp_path, profile, limits):
         ("epos4", NONE, True),  # a motor that turns
         ("faulhaber_v3", NONE, False),  # linear motors
         ("mclm", NONE, False),
-        ("epos4", LINE, False),  # a spindle on it
+        ("epos4", f", scale: 0.001{LINE}", False),  # a spindle on it
         ("epos4", TURN, True),
         ("faulhaber_v3", LINE, False),
-        ("mclm", TURN, True),
+        ("mclm", f", scale: 20{TURN}", True),  # a pinion
     ],
 )
 def test_what_a_drive_moves_and_how_it_is_told(tmp_path, profile, limits, rotary):
@@ -48,3 +48,13 @@ def test_quantities_of_both_kinds_are_refused(tmp_path):
         ScenarioError, match="`100 mm/s` is of one that moves along a line, `90 deg` of an axis that turns"
     ):
         drive(tmp_path, "epos4", BOTH)
+
+
+@pytest.mark.parametrize(("profile", "limits", "unit"), [("epos4", LINE, "rad"), ("mclm", TURN, "m")])
+def test_a_gear_between_kinds_has_to_be_given_before_a_command_moves_it(tmp_path, profile, limits, unit):
+    """Else a degree would be 17 mm of a linear motor."""
+    with pytest.raises(
+        SimulationError,
+        match=rf"nodes\.shaft: the motor of .* Add `scale`, the member's way for 1 {unit} of the motor\.",
+    ):
+        drive(tmp_path, profile, limits)

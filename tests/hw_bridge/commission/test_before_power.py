@@ -59,6 +59,7 @@ def test_planned_writes_for_users():
     assert rows["1017h.0"] == ("Producer heartbeat time", "0 ms (0)", "20 ms (20)", "heartbeat.every")
     assert rows["1400h.2"][:3] == ("RPDO 1: Transmission type", "255", "1")
     assert rows["1600h.1"][:3] == ("RPDO 1: Mapped object 1", "60400010h", "607A0020h")
+    assert rows["1A00h.2"][1:3] == ("0h", "60610008h")
     assert rows["1A00h.0"][:3] == ("TPDO 1: Number of mapped objects", "1", "3")
     assert rows["1801h.1"][:3] == ("TPDO 2: COB-ID", "C0000283h", "40000283h")
     assert "1601h.1" not in rows  # it stays as it is

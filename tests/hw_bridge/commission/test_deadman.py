@@ -30,6 +30,7 @@ def test_names_of_keys(data, names):
 def test_the_repeat_of_a_key_moves_in_its_direction(key, direction):
     dead = DeadMan()
     assert dead.look([key], 0) == 0
+    assert dead.look([], HOLD) == 0
     assert dead.look([key], BEGIN - 1) == direction
     assert dead.look([], BEGIN - 1 + HOLD) == direction
     assert dead.look([], BEGIN + HOLD) == 0
@@ -46,7 +47,18 @@ def test_what_is_no_repeat_moves_nothing():
     assert dead.look(["other"], BEGIN + 3 * MS) == 0
     assert dead.look(["left"], BEGIN + 4 * MS) == 0
     assert dead.look(["left", "right"], BEGIN + 5 * MS) == 0
-    assert DeadMan().look(["up", "up"], 0) == 1
+    assert dead.look(["up", "up"], BEGIN + 6 * MS) == 1
+
+
+def test_repeats_from_before_a_stall_or_before_the_drive_was_ready_move_nothing():
+    """Whether the key is still held shows with the next one."""
+    dead = DeadMan()
+    assert dead.look(["right"] * 20, 0) == 0
+    assert dead.look(["right"], 30 * MS) == 1
+    assert dead.look(["right"] * 3, 30 * MS + HOLD) == 1
+    assert dead.look(["right"] * 3, 31 * MS + 2 * HOLD) == 0
+    assert dead.look([], 36 * MS + 2 * HOLD) == 0
+    assert dead.look(["right"], 41 * MS + 2 * HOLD) == 1
 
 
 def test_a_held_key_ends_for_good_by_q_or_a_closed_terminal(monkeypatch):

@@ -34,6 +34,16 @@ def test_modes_in_which_a_limit_acts(profile, velocity, acceleration):
     assert ("targets of cst" in texts["force"]) is (profile == "faulhaber_v3")
 
 
+@pytest.mark.parametrize(
+    ("given", "shown"), [({}, "21.25 ms at SYNC: "), ({"actual_value_age": "12.5 ms"}, "12.5 ms at SYNC: ")]
+)
+def test_how_old_actual_values_may_be(given, shown):
+    found = HardwareKeys.model_validate(
+        {"simulated": True, "cycle": "5 ms", "nodes": {"axis": node("faulhaber_v3", limits=given)}}
+    )
+    assert dict(rows(found, found.nodes["axis"]))["actual_value_age"].startswith(shown)
+
+
 @pytest.mark.parametrize("absent", [(), (0x6080,), (0x607F, 0x6080), (0x607D, 0x6065)])
 def test_objects_that_a_drive_does_not_have_are_not_named(absent):
     found = keys("faulhaber_v3")

@@ -10,7 +10,7 @@ from hw_bridge.commission.limits import Row, wider
 from hw_bridge.commission.ramp import Ramp
 from hw_bridge.commission.step import Response, difference, response
 from hw_bridge.dictionary import State
-from hw_bridge.master import SilentError
+from hw_bridge.master import SdoError, SilentError
 from tests.every_case import every_case
 from tests.hw_bridge.unconnected import WORDS, unconnected_node
 from twin.errors import SimulationError
@@ -219,6 +219,18 @@ def test_a_drive_that_does_not_answer_is_made_pre_operational_first():
     node.sdo.number = number
     assert power.disable(session, node) is State.DISABLED
     assert commands == [(0x80, 3)]
+
+
+@pytest.mark.parametrize("error", [SdoError("refused", 0x06020000), SilentError("no answer")])
+def test_a_drive_whose_speed_is_unknown_is_switched_off_after_its_longest_stop(error):
+    session, node, sent = stopping([State.ENABLED] + [State.QUICK_STOP] * 200 + [State.DISABLED])
+
+    def read(index):
+        raise error
+
+    node.sdo.read = read
+    assert power.disable(session, node) is State.DISABLED
+    assert (sent, session.network.now) == ([QUICK_STOP, OFF], 2000 * MS)
 
 
 @every_case(

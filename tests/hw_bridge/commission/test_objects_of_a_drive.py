@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from hw_bridge.commission import dcf, nvm
+from hw_bridge.commission import dcf, nvm, status
 from hw_bridge.commission.inspection import inspect
 from hw_bridge.commission.limits import compare
 from hw_bridge.commission.objects import find, format_value, name, parse_value, to_raw
@@ -220,6 +220,23 @@ def test_objects_by_index_and_by_name():
         find(entries, "positio_actual_value")
 
 
+@pytest.mark.parametrize(("value", "text"), [(12, "12"), (5, "5")])
+def test_the_first_of_the_vendors_objects_is_decimal(value, text):
+    """2000h of an EPOS4 is its node-ID."""
+    node = unconnected_node("epos4")
+    assert format_value(node, node.mirror.entry(0x2000, 0), value) == text
+
+
+@pytest.mark.parametrize(
+    ("mode", "bits"),
+    [(1, "set-point acknowledged, following error"), (6, "homing attained, homing error"), (9, "follows the target")],
+)
+def test_bits_of_the_statusword_are_those_of_the_mode_in_which_the_drive_is(mode, bits):
+    node = unconnected_node(values={(0x6041, 0): WORDS[State.ENABLED] | 0x3000, (0x6061, 0): mode})
+    (word,) = [value for label, value in status(node).groups["power"] if label.startswith("6041h")]
+    assert word == f"Operation enabled; remote, {bits} (3227h)"
+
+
 SESSION = SimpleNamespace(nmt=lambda *_: None, wait=lambda *_: None, states={})
 
 
@@ -268,6 +285,16 @@ def test_a_dcf_file_is_restored_where_it_differs():
     changed, refused = dcf.restore(SESSION, node, wanted)
     assert changed == []
     assert "1601h.1" in refused[0]
+
+
+def test_a_dcf_file_with_a_mapping_entry_alone_leaves_the_rest_of_the_pdo_as_it_is():
+    node = unconnected_node(values={(0x6041, 0): WORDS[State.DISABLED]})
+    own = node.server.dictionary.values
+    before = {address: own[address] for address in ((0x1401, 1), (0x1401, 2), (0x1601, 0))}
+    changed, refused = dcf.restore(SESSION, node, {(0x1601, 1): 0x60FF0020})
+    assert (len(changed), refused) == (1, [])
+    assert own[0x1601, 1] == 0x60FF0020
+    assert {address: own[address] for address in before} == before
 
 
 @pytest.mark.parametrize(("sub", "what"), [(1, "vendor"), (2, "product code")])

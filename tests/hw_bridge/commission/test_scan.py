@@ -122,6 +122,13 @@ def test_devices_without_a_profile_of_their_own(values, title, state):
     assert (node.title.partition(" or ")[0], node.state, node.problem) == (title, state, "")
 
 
+@pytest.mark.parametrize("number", [1, 127])
+def test_every_node_id_of_a_bus_can_be_read(number):
+    """Also the one that is this program's in a run."""
+    node = SdoSession(Network([device(number)])).drive(str(number))
+    assert (node.number, node.keys.node, node.sdo.number(0x1018, 4)) == (number, number, 0xCD)
+
+
 def test_two_nodes_of_one_id_are_no_device():
     """Of two that answer the first question, or only a later one."""
     nodes, _ = found(device(2), device(4), device(4))

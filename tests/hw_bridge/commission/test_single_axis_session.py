@@ -89,6 +89,31 @@ def test_a_late_cycle_is_not_caught_up_with(session):
     assert session.samples[-1].time == pytest.approx(0.027)
 
 
+@every_case(
+    ("late_cycle", "lateness", "text"),
+    [
+        ({}, 61, r"^this program came 61\.0 ms late, more than the 60 ms of late_cycle\. All drives stop\.$"),
+        ({"at_most": "20 ms"}, 21, r"more than the 20 ms of late_cycle"),
+        ({"policy": "stop"}, 6, r"^this program came 6\.0 ms late, and late_cycle is stop"),
+    ],
+)
+def test_a_cycle_that_is_later_than_late_cycle_allows_moves_nothing(monkeypatch, late_cycle, lateness, text):
+    """As in a run: a suspended program does not go on with its last set-point."""
+    node = unconnected_node(limits=LIMITS)
+    keys = HardwareKeys.model_validate({"simulated": True, "late_cycle": late_cycle, "nodes": {"axis": node_keys()}})
+    monkeypatch.setattr(single_axis_session, "Operator", lambda *given: Cycles(node))
+    made = SingleAxisSession(keys, "axis", Cycles(node).network)
+    made.go(0.0)
+    made.network.now = made.due + (lateness - 1) * MS
+    if "policy" not in late_cycle:
+        made.go(0.001)
+    made.network.now = made.due + lateness * MS
+    made.master.calls.clear()
+    with pytest.raises(SimulationError, match=text):
+        made.go(0.002)
+    assert made.master.calls == []
+
+
 @pytest.mark.parametrize(
     ("paced", "wall_clock", "sleeps"), [(True, False, [0.005]), (True, True, []), (False, False, [])]
 )

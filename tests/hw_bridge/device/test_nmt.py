@@ -55,6 +55,17 @@ def test_command_for_another_node(bench):
     assert bench.drive.port.state is NmtState.OPERATIONAL
 
 
+def test_a_drive_without_an_error_behavior_leaves_operational_when_a_heartbeat_is_lost(make):
+    """1029h is optional in CiA 301; an EPOS2 does not have it."""
+    bench = make("epos2")
+    bench.write(0x1016, 0x7F << 16 | 50, 1)
+    bench.nmt(1)
+    bench.send(0x77F, [5])
+    assert bench.drive.port.state is NmtState.OPERATIONAL
+    bench.go(60)
+    assert bench.drive.port.state is NmtState.PRE_OPERATIONAL
+
+
 @pytest.mark.parametrize(("reaction", "state"), [(0, 0x7F), (1, 5), (2, 4)])
 def test_heartbeat_consumer(make, reaction, state):
     bench = make("faulhaber_v3")

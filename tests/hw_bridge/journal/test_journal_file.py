@@ -124,6 +124,25 @@ def test_two_programs_do_not_share_it(path):
     opened(path).close()
 
 
+def test_a_journal_that_its_last_program_removes_just_now_is_made_anew(path, monkeypatch):
+    """Else changes would go to a file without a name, and be lost with the process."""
+    fcntl = pytest.importorskip("fcntl")
+    ending, lock = opened(path), fcntl.flock
+
+    def flock(*arguments):
+        ending.close()
+        lock(*arguments)
+
+    monkeypatch.setattr(fcntl, "flock", flock)
+    journal = opened(path)
+    journal.record([CHANGE])
+    killed(journal)
+    monkeypatch.undo()
+    found = opened(path)
+    killed(found)
+    assert list(found.changes) == [CHANGE.address]
+
+
 def test_no_journal_no_write(path):
     path.parent.joinpath("file").write_text("")
     with pytest.raises(SimulationError, match="cannot be written"):

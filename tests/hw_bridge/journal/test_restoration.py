@@ -12,7 +12,7 @@ import pytest
 from hw_bridge.bus import Bus, Disturbance, Kind, SimulatedNetwork
 from hw_bridge.commission import SdoSession, dcf, nvm, objects
 from hw_bridge.device import Drive, Module, Motor
-from hw_bridge.dictionary import State
+from hw_bridge.dictionary import Mode, State
 from hw_bridge.hardware import HardwareKeys
 from hw_bridge.journal import bus_folder
 from hw_bridge.master import Master, SdoClient, setup
@@ -117,6 +117,21 @@ def test_after_a_run(bench):
     assert bench.now == bench.before
     assert bench.journals() == []
     assert "objects were changed for the run and are as before" in master.restorations[0]
+
+
+@pytest.mark.parametrize("mode", [Mode.CSV, Mode.CSP, Mode.PP])
+def test_a_mode_that_another_program_left_is_restored_whatever_the_run_commands(build, mode):
+    """Also where the run begins in the same one: process data change it."""
+    bench = RealBench("faulhaber_v3", build)
+    bench.drive.dictionary.download(0x6060, 0, bytes([mode]))
+    master = bench.master()
+    master.begin(START)
+    for commanded in (Mode.CSP, Mode.CSV, Mode.CSP):
+        master.nodes["axis"].mode = commanded
+        master.run_cycle()
+    assert bench.drive.dictionary.get(0x6060) == Mode.CSP
+    master.stop()
+    assert (bench.drive.dictionary.get(0x6060), master.notes) == (mode, [])
 
 
 def test_after_an_interrupt(bench):

@@ -124,6 +124,16 @@ def test_the_measured_acceleration_is_that_of_the_time_that_passed():
         assert limit.measured == pytest.approx(2.0 if k >= 4 else 0.0)
 
 
+def test_a_run_begins_with_no_limited_target_and_no_measured_acceleration():
+    limit = AccelerationLimit(1.0, 0.2)
+    limit.follow_velocity(0.1, 0.0, H)
+    assert limit.count == 1
+    limit.forget()
+    for time in range(4):
+        limit.measure(2.0 * time, time * 1_000_000_000)
+    assert (limit.count, limit.measured) == (0, 0.0)
+
+
 @every_case("jump", [2e-3, -2e-3])
 @every_case("part", [0.3, 0.7, 0.9])
 def test_a_target_that_needs_the_limit_itself_is_caught_up_with(part, jump):

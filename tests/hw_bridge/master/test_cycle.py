@@ -117,7 +117,7 @@ def test_targets_go_only_to_a_drive_with_this_programs_mapping(change, sends):
     made.network.frames.clear()
     made.running = True
     made.exchange()
-    assert len(made.network.frames) == 3
+    assert len(made.network.frames) == (3 if sends else 1)
     made.foreign_master.resets.add(3)
     assert made.has_mapping(node) is False
 

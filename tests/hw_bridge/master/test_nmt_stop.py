@@ -4,6 +4,7 @@ import pytest
 
 from hw_bridge.bus import MILLISECOND, Frame, SimulatedNetwork
 from hw_bridge.dictionary import NmtState, State, cia301
+from hw_bridge.master import setup
 from hw_bridge.profiles import DRIVE_PROFILES
 from tests.hw_bridge.axis import Rig, node
 from tests.hw_bridge.bridge.test_bridge import NODES
@@ -134,6 +135,55 @@ def test_another_program_that_goes_on_sending_stop(build, every):
     assert took < 1.5
     assert way < 2e-3, f"{1e3 * way:.1f} mm"
     assert not rig.drive.axis.motor.powered
+
+
+def restart_operational(drive):
+    """Restart a drive that goes to Operational by itself (1F80h): it has the RPDO mapping of its power-on at once."""
+    enter = drive.nmt.enter
+    drive.nmt.boot_time = MILLISECOND
+    drive.nmt.enter = lambda state: enter(NmtState.OPERATIONAL if drive.port.state is NmtState.INITIALIZING else state)
+    drive.restart()
+
+
+def frames_of_targets(bus, node):
+    """Frames of RPDO 1 and 2 of a drive from now on."""
+    frames = []
+    bus.observers.append(lambda _, frame: frames.append(frame) if frame.id in (0x200 + node, 0x300 + node) else None)
+    return frames
+
+
+@pytest.mark.parametrize("name", DRIVE_PROFILES)
+def test_a_drive_that_restarts_by_itself_takes_no_target_for_a_controlword(build, name):
+    rig = moving(build, name)
+    rig.go(1)  # after the frames of a cycle
+    frames, drive = frames_of_targets(rig.session.bench.bus, rig.drive.node), rig.drive
+    restart_operational(drive)
+    with pytest.raises(SimulationError, match=r"All drives stop\."):
+        rig.go(100)
+    assert frames == []
+    assert drive.state is State.DISABLED
+
+
+def test_a_restart_while_the_other_drive_is_brought_up_ends_it_at_once(build, monkeypatch):
+    """Before any target; also later the drive is not taken for one with the PDO mapping of the run."""
+    limit_positions = setup.limit_positions
+
+    rig = Rig(build, {"a": node("epos4", 1), "b": node("epos4", 2)})
+    frames = []
+
+    def restart_first(own):
+        limit_positions(own)
+        if own.name == "b":
+            first = rig.session.bench.plants["a"].drive
+            restart_operational(first)
+            frames.append(frames_of_targets(rig.session.bench.bus, first.node))
+
+    monkeypatch.setattr(setup, "limit_positions", restart_first)
+    with pytest.raises(
+        SimulationError, match=r"a: started anew by itself while it was brought up\. Check its supply\."
+    ):
+        rig.go(10)
+    assert len(frames[0]) <= 2, "of the cycle in which it boots"
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ from hw_bridge.dictionary import Mode, State
 from hw_bridge.master.node import Node
 from tests.every_case import every_case
 from tests.hw_bridge.unconnected import WORDS, frame, unconnected_node
+from twin.errors import SimulationError
 
 CYCLE = 5_000_000
 H = 0.005
@@ -51,6 +52,21 @@ def test_actual_values_of_the_member(keys, position, velocity, current, force):
 )
 def test_a_force_beyond_the_range_of_its_object_is_clamped(profile, force, count):
     assert unconnected_node(profile).device_force(force) == count
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_target_beyond_what_the_drive_counts_is_an_error_and_does_not_wrap_around(side):
+    """A drive that counts from far away, near the end of its INTEGER32."""
+    node = enabled(Mode.CSP)
+    node.raw_position = side * (2**31 - 10)
+    node.zero(0.0)
+    node.acceleration.begin(side * 9e-6)
+    assert len(node.frames()) == 2
+    node.acceleration.begin(side * 11e-6)
+    with pytest.raises(
+        SimulationError, match=r"^axis: a target is more than the drive can count \(607Ah = -?21474836\d\d"
+    ):
+        node.frames()
 
 
 def test_a_new_origin_keeps_the_limited_target_in_place():

@@ -80,7 +80,8 @@ def test_parameters_of_a_drive_that_counts_revolutions():
 def test_values_that_a_drive_holds_already_are_not_written():
     node = unconnected_node(limits=LINE)
     values = {(index, sub): value for index, sub, value in planned(node)[1]}
-    assert planned(unconnected_node(values=values, limits=LINE))[1] == []
+    own = planned(unconnected_node(values=values, limits=LINE))[1]
+    assert own == [(0x6060, 0, 9)], "the mode, which process data write in each cycle"
 
 
 def test_process_data_are_disabled_remapped_and_enabled():

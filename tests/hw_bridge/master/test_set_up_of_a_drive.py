@@ -244,6 +244,16 @@ def test_a_polarity_of_one_kind_alone_is_not_moved(polarity, text):
     assert unknown_scale(node) == (f"axis: its scale is ASSUMED: {text}. {ending}" if text else "")
 
 
+def test_a_drive_whose_motion_is_reversed_but_not_its_force_follows_no_force():
+    node = unconnected_node(values={(0x607E, 0): 0xC0})
+    node.has_target_force = True
+    learn_scaling(node)
+    assert node.own.assumed == ["607Eh is C0h: positions and velocities are reversed, target forces are not"]
+    node.server.dictionary.values[0x607E, 0] = 0
+    learn_scaling(node)
+    assert node.own.assumed == []
+
+
 def test_a_drive_that_is_set_up_for_another_motor():
     assert wrong_motor(unconnected_node()) == ""
     node = unconnected_node(motor="lm1247")

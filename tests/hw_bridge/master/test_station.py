@@ -63,7 +63,8 @@ def test_answers_of_each_cycle_are_counted():
     node.boots, node.nmt_state, node.oldest = 2, NmtState.STOPPED, 9
     node.emergencies.append(EmergencyMessage(0, 1))
     node.forget()
-    assert (node.missing, node.late, node.silent, node.boots, node.nmt_state, node.oldest) == (0, 0, 0, 0, None, 0)
+    assert (node.missing, node.late, node.silent, node.nmt_state, node.oldest) == (0, 0, 0, None, 0)
+    assert node.boots == 2, "its PDO mapping is lost"
     assert node.emergencies == []
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from hw_bridge.bus import Frame
 from hw_bridge.dictionary import NmtState, State
+from hw_bridge.journal import ObjectChange
 from hw_bridge.master import stop
 from hw_bridge.master.station import EmergencyMessage
 from hw_bridge.master.stop import Stop
@@ -358,6 +359,16 @@ def test_how_a_drive_is_released(word, missing, note, fault):
     assert master.fault_texts == ([fault] if fault else [])
     switches = [] if missing else ["axis: its negative limit switch is closed (60FDh)."]
     assert master.closed_switches == switches
+
+
+def test_a_drive_that_refuses_its_safe_outputs_is_released_all_the_same():
+    node = drive(State.DISABLED, 1, values={(0x6041, 0): WORDS[State.DISABLED], (0x1016, 1): 9}, safe_outputs=4)
+    node.journal.record([ObjectChange(0x1016, 1, bytes(4))])
+    node.server.refused.add((0x60FE, 1))
+    master = RecordedMaster(node)
+    Stop(master)._release(node)
+    assert node.server.written == [(0x6040, 0, 0), (0x1016, 1, 0)]
+    assert [text for text in master.notes if text.startswith("axis: did not confirm") and "60FEh.1: refused" in text]
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from hw_bridge.hardware import HardwareKeys
+from hw_bridge.master.late_cycle_policy import SLOW, LateCyclePolicy
 from hw_bridge.session import Observers, Session
-from hw_bridge.session.late_cycle_policy import SLOW, LateCyclePolicy
 from tests.every_case import every_case
 from tests.hw_bridge.axis import node as node_keys
 from twin.errors import SimulationError
@@ -183,6 +183,21 @@ def test_an_error_stops_all_drives(error, running, simulated, stopped, raised, n
     assert made.cycle_times == ({"wait": 1.0} if running and not simulated else {})
     made.close()
     assert made.master.calls == ["stop"]
+
+
+def test_a_bus_is_closed_again_where_its_trace_cannot_be_written():
+    """Else the adapter, and the priority of this process, would stay taken as long as it runs."""
+    made, closed = session(started=False), []
+    network = made.bench.network = SimpleNamespace(close=lambda: closed.append(True))
+    made.network, made.orders.begin, made.master = lambda: network, lambda: None, None
+
+    def refuse(*_):
+        raise SimulationError("run.xyz: no trace format.")
+
+    made.observer_factories = Observers(refuse, None)
+    with pytest.raises(SimulationError, match=r"^run\.xyz: no trace format\.$"):
+        made.step("axis", 0.0, 0.001)
+    assert closed == [True]
 
 
 def test_a_signal_just_before_the_stop_does_not_skip_it():

@@ -168,6 +168,13 @@ def test_a_speed_followed_in_either_mode(speed, limited):
     assert node.offset == pytest.approx(0.5 * limited)
 
 
+def test_a_force_is_followed_as_a_force_whatever_the_file_says_of_positions():
+    made, node = dispatcher(forced=["axis"], target_force=1.0, follow={"mode": "csp"})
+    node.set_target(0.5, CYCLE)
+    assert made.set_drive_targets(node, Mode.CST) is Mode.CST
+    assert (node.previous_target, node.offset) == (None, 0.0)
+
+
 def test_modes_of_a_member():
     made, _ = dispatcher(forced=["axis"], mode_of_operation=10, target_force=0.0)
     made.begin()

@@ -1,6 +1,7 @@
 """Traces: the same in every format, with the meaning of their frames; broken ones end in one line."""
 
 import csv
+import errno
 import io
 import json
 import struct
@@ -18,6 +19,7 @@ from hw_bridge.profiles import profile
 from hw_bridge.trace import Decoder, TracedNode
 from hw_bridge.wire import TraceWriter, read
 from hw_bridge.wire.files import SUFFIXES
+from tests.hw_bridge.axis import Rig, node
 from tests.hw_bridge.bench import AbortedError, Bench
 from twin.errors import SimulationError
 
@@ -286,6 +288,41 @@ def test_written_aside_is_the_same(tmp_path):
             writer.write(*one)
         writer.close()
     assert (tmp_path / "True.blf").read_bytes() == (tmp_path / "False.blf").read_bytes()
+
+
+@pytest.mark.parametrize("aside", [False, True])
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_disk_that_is_full_ends_the_trace_and_says_so(tmp_path, suffix, aside):
+    """Not the run: neither a frame nor the end of the trace raises."""
+    writer = TraceWriter(tmp_path / f"a{suffix}", "can0", aside=aside)
+    file, plain = writer._writer, writer._writer.on_message_received
+
+    def full(message):
+        plain(message)
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    file.on_message_received = full
+    for time in (2_000_000_000, 3_000_000_000):
+        writer.write(time, Frame(1))
+    assert writer.close() == (
+        f"{tmp_path / f'a{suffix}'}: cannot be written: No space left on device. The trace is incomplete: it ends before 2.000 s."
+    )
+
+
+def test_a_trace_that_cannot_be_completed_is_a_note_of_the_run(build, tmp_path):
+    rig = Rig(build, {"servomotor": node()})
+    rig.session.trace = tmp_path / "a.blf"
+    rig.go(10)
+    stop = rig.session.listener.writer._writer.stop
+
+    def full():
+        stop()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    rig.session.listener.writer._writer.stop = full
+    rig.axis.close()
+    assert [note for note in rig.session.outcome.notes if "The trace is incomplete" in note]
+    assert rig.session.outcome.bus_events
 
 
 def test_a_place_that_cannot_be_written(tmp_path):
