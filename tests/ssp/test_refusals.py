@@ -95,7 +95,9 @@ def test_all_mistakes_at_once(bench):
 
 
 def test_values_for_nobody_are_left_out_with_a_note(bench):
-    path = bench.ssp(description(system(DRIVE, before=bindings("drive.sped=1", "speed=7", *(f"n.k{i}=2" for i in range(9))))))
+    path = bench.ssp(
+        description(system(DRIVE, before=bindings("drive.sped=1", "speed=7", *(f"n.k{i}=2" for i in range(9)))))
+    )
     assert lint(path)[1] == []
     first, second, *_, more, step = ssp_reader.notes(path, "s.ssp")
     assert first == (
