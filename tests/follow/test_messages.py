@@ -170,6 +170,7 @@ def test_values_that_are_left_out_are_counted(messages):
         ("arrival", None, 5.5),  # what the first source's clock was then
         ("own", 20.0, 5.5),
         ("own", -20.0, 5.5),
+        ("own", None, 5.5),  # without stamps, arrival counts
         ("shared", 5.4, 5.4),  # 0.1 s on its way
     ],
 )
