@@ -6,6 +6,7 @@ from math import ceil, floor, hypot, inf, isnan, nan, pi, sin, sqrt, trunc  # no
 import numpy as np
 
 from twin.compiler.component import translate_record
+from twin.compiler.machine import write64
 from twin.component.generated import define
 
 RECORD = np.dtype(
@@ -30,6 +31,17 @@ def act(self):
     """An effect and a result."""
     self.n += 1
     return self.n
+
+
+def store(address):
+    """An effect on memory that is no argument."""
+    write64(address, 1)
+    return 2.0
+
+
+def store_again(address):
+    """The effect of another function."""
+    return store(address) + 1.0
 
 
 def scaled(x, factor=2.0):

@@ -55,6 +55,13 @@ const int64_t part_1 = self->n;
 const int64_t part_2 = act(self);
 self->x = (double)(part_1 + part_2);
 
+self.x = self.y + store_again(self.a)
+=>
+const double part_1 = self->y;
+const int64_t part_2 = self->a;
+const double part_3 = store_again(part_2);
+self->x = part_1 + part_3;
+
 self.x = act(self) - act(self) * 10
 =>
 const int64_t part_1 = act(self);

@@ -109,6 +109,13 @@ for (int64_t i = 3; i >= 0; i--) {
     self->v[i] = 0.0;
 }
 
+for i in range(3, -2, -1):
+    self.v[i] = 0.0
+=>
+for (int64_t i = 3; i > -2; i--) {
+    self->v[from_end(i, 4)] = 0.0;
+}
+
 for i in range(0, 10, 3):
     self.x += i
 =>

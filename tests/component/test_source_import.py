@@ -3,6 +3,7 @@
 import importlib
 import sys
 from importlib.machinery import PathFinder
+from types import ModuleType
 
 import pytest
 
@@ -57,3 +58,34 @@ def test_the_finder_stands_before_that_of_python_once(monkeypatch):
     sys.meta_path[:] = [other]
     source_import.install()
     assert [type(one) for one in sys.meta_path] == [object, TextFinder]
+
+
+def test_modules_that_a_function_will_import_are_found_without_importing_them(folder, monkeypatch):
+    package = folder / "own_package"
+    for path in (package, package / "inner"):
+        path.mkdir()
+        (path / "__init__.py").write_text("raise RuntimeError")
+    (package / "inner" / "leaf.py").write_text("raise RuntimeError")
+    file = f"own_{folder.name}"
+    paths = {
+        file: folder / f"{file}.py",
+        "own_package": package / "__init__.py",
+        "own_package.inner": package / "inner" / "__init__.py",
+        "own_package.inner.leaf": package / "inner" / "leaf.py",
+        "own_package.none": None,
+        "own_package.inner.leaf.value": None,  # a variable
+        f"{file}.value": None,
+        "json.decoder": None,
+        "own_site_packages": None,
+    }
+    found = {name: source_import.find_user_file(name) for name in paths}
+    assert {name: spec and spec.origin for name, spec in found.items()} == {
+        name: path and str(path) for name, path in paths.items()
+    }
+    loaded = ModuleType("own_package")
+    monkeypatch.setitem(sys.modules, "own_package", loaded)
+    assert source_import.find_user_file("own_package.inner") is None, "a loaded module that is no package"
+    loaded.__path__ = [str(package)]
+    assert source_import.find_user_file("own_package.inner").origin == str(package / "inner" / "__init__.py")
+    loaded.inner = 1.0
+    assert source_import.find_user_file("own_package.inner") is None, "a variable of the loaded package"

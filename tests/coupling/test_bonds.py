@@ -62,6 +62,22 @@ def test_what_is_declared_and_is_none_is_told(connections, units, message):
         find_bonds(system(*units, connections))
 
 
+@pytest.mark.parametrize(("back", "kind"), [("K", "Float64"), ("N", "Int64")])
+def test_a_power_goes_both_ways_in_real_numbers(back, kind):
+    returned = {
+        name: MemberVariable("x", name, "continuous", kind, np.dtype(kind.lower()), unit=back)
+        for name in ("input", "output")
+    }
+    catalog = {
+        "a": {"f": variable("f", "output", "m/s"), "e": variable("e", "output", "N"), "x": returned["input"]},
+        "b": {"f": variable("f", "input", "m/s"), "e": variable("e", "input", "N"), "x": returned["output"]},
+    }
+    forward = [Connection(f"a.{name}", f"b.{name}", bond="one") for name in "ef"]
+    links = CoupledSystem(catalog, [*forward, Connection("b.x", "a.x", bond="one")]).links()
+    with pytest.raises(CouplingError, match=r"bond one: .* give no power"):
+        find_bonds(links)
+
+
 @pytest.mark.parametrize(
     ("effort", "flow", "factor"), [("N", "mm/s", 1e-3), ("mmHg", "mL/s", 133.322e-6), ("V", "A", 1.0)]
 )

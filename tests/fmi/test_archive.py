@@ -63,7 +63,8 @@ def test_unpack(tmp_path: Path, temporary: Path) -> None:
         ("C:/evil.txt", "drive letter"),
         ("resources\\evil.txt", "backslash"),
         ("..\\evil.txt", "backslash"),
-        ("a\x01b", "control"),
+        ("a\x1fb", "control"),
+        ("a\x7fb", "control"),
         ("ModelDescription.XML", "same file"),
         ("./resources/a.txt", "same file"),
         ("resources/a.txt/b", "cannot be unpacked"),
@@ -72,6 +73,12 @@ def test_unpack(tmp_path: Path, temporary: Path) -> None:
 )
 def test_names(tmp_path: Path, name: str, words: str) -> None:
     refused(archive(tmp_path / "fmu.fmu", {**GOOD, name: b"evil"}), words)
+
+
+def test_names_may_have_spaces_and_any_letters(tmp_path: Path) -> None:
+    path = archive(tmp_path / "fmu.fmu", {**GOOD, "resources/a b\x80é.txt": b"good"})
+    with unpack(path) as unpacked:
+        assert (unpacked.folder / "resources/a b\x80é.txt").read_bytes() == b"good"
 
 
 def test_duplicate(tmp_path: Path) -> None:

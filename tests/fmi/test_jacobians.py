@@ -256,6 +256,20 @@ def test_a_derivative_that_jumps_ends_it():
     assert member.sensitivity.failure == "a derivative of a state jumps at an event at t = 1 s"
 
 
+@every_case(("factor", "failure"), [(1.0, ""), (2.0, "a state jumps at an event at t = 0.5 s")])
+def test_an_input_may_jump_but_no_state_with_it(factor, failure):
+    member = LinearMember("a", [[-1]], [[1]], [[1]], e=[[1]], p=(1,), start=(4,))
+    member.sensitivity = Sensitivity([("a", "p", 0)], [("a", "y", 0)])
+    member.slot("u").values[:] = 0.0
+    system = started([member], [])
+    system.step(0.0, 0.5)
+    member.slots["u"].values[:] = 3.0
+    member.reset = lambda x: factor * x
+    system.step(0.5, 0.5)
+    assert member.sensitivity.failure == failure
+    assert member.sensitivity.times == ([0.0, 0.5] if failure else [0.0, 0.5, 1.0])
+
+
 def test_a_refusal_ends_it():
     member = LinearMember("a", [[-1]], c=[[1]], e=[[1]], p=(1,))
     member.sensitivity = Sensitivity([("a", "p", 0)], [("a", "y", 0)])

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from tests.follow.test_linear import estimate
 from twin.errors import SimulationError, TwinError
 from twin.follow.live import MessageFollower
@@ -163,11 +164,21 @@ def test_values_that_are_left_out_are_counted(messages):
         strict.receive(Message("a", 100.0, problem="a message is no JSON"))
 
 
-def test_the_first_input_may_come_from_another_clock(messages):
-    own = messages()
+@every_case(
+    ("kind", "stamp", "origin"),
+    [
+        ("arrival", None, 5.5),  # what the first source's clock was then
+        ("own", 20.0, 5.5),
+        ("own", -20.0, 5.5),
+        ("own", None, 5.5),  # without stamps, arrival counts
+        ("shared", 5.4, 5.4),  # 0.1 s on its way
+    ],
+)
+def test_the_first_input_may_come_from_another_clock(messages, kind, stamp, origin):
+    own = messages(sources={"a": {"udp": 1}, "b": {"udp": 2, "clock": kind}})
     own.receive(Message("a", 100.0, 5.0, {"tip": 1.0}))
-    own.receive(Message("b", 100.5, None, {"force": 2.0}))
-    assert own.clock.origin == pytest.approx(5.5)  # what the first source's clock was then
+    own.receive(Message("b", 100.5, stamp, {"force": 2.0}))
+    assert own.clock.origin == pytest.approx(origin)
     assert own.timeline.inputs[0].times == [pytest.approx(1.0)]
 
 

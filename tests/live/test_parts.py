@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from tests.every_case import every_case
-from twin.live import RefusedError
+from twin.live import RefusedError, member_class
 from twin.live.channel import Channel, ClosedError
 from twin.live.operator import operation_log
 from twin.live.operator.command_checks import MAX_ITEMS, MAX_LETTERS, check_value
 from twin.live.operator.dead_man_switch import DeadManSwitch
 from twin.live.pacing import DELAY_COUNT, Pace
 from twin.live.recording_reader import RecordingReader
-from twin.scenario import EventSpec
+from twin.scenario import EventSpec, MemberSpec
 
 
 def test_a_schedule_of_blocks():
@@ -244,3 +244,17 @@ def test_rows_of_a_recording(reader):
         assert str(caught.value).startswith(f"{name}: {message}")
     reader.close()
     assert reader.latest(["a.n"]).values["a.n"].tolist() == [-8]
+
+
+@every_case(
+    ("component", "name"),
+    [
+        ("heart", "Heart"),
+        ("/models/chamber.fmu", "chamber.fmu"),
+        ("/data/motion.csv", "motion.csv"),
+        ("/scenarios/rig.yaml#chain", "rig.yaml#chain"),
+    ],
+)
+def test_a_member_shows_the_class_or_the_file_of_its_component(component, name):
+    assert member_class(MemberSpec(component)) == name
+    assert member_class(MemberSpec(component, made=object)) == (name if "." in component else "object")

@@ -6,7 +6,8 @@ import io
 import subprocess
 import sys
 from html.parser import HTMLParser
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from rich.console import Console
 
 from tests.every_case import every_case
 from tests.run.reported import FORCE, LIMIT, PLOTS, TIME, tables
+from twin.coupling import MemberVariable
 from twin.results import Evaluation, Expectation, Metric, Plot, Signals, Window, evaluate, find_violations
 from twin.results.evaluation import expression
 from twin.results.recording import run_folder as results
@@ -213,6 +215,54 @@ def test_parameters_that_a_scenario_sets_come_first() -> None:
     assert (
         html.index("<code>mass</code>") < html.index("<summary>1 default</summary>") < html.index("<code>stroke</code>")
     )
+
+
+def test_every_parameter_has_its_value_its_source_and_the_variants_that_use_it() -> None:
+    catalog = {
+        "wall": {
+            "k": variable("k", "parameter", "N/m", start=2.0, description="stiffness"),
+            "gap": variable("gap", "parameter", "m", "mm", start=0.005),
+            "shape": variable("shape", "structuralParameter", start=3),
+            "grid": variable("grid", "parameter", start=np.arange(7.0)),
+            "seed": variable("seed", "parameter", start=0),
+            "f": variable("f", "output", "N"),
+        }
+    }
+    cases = [case("stiff", {"k": 4.0}), case("soft", {"grid[2]": 9.0, "seed": 5})]
+    rows = report.parameter_rows(cases, {"stiff": catalog, "soft": catalog}, {"wall.k": "paper A"})
+    assert [(row.name, row.value, row.unit, row.given, row.variants) for row in rows] == [
+        ("k", "4", "N/m", True, "stiff"),
+        ("k", "2", "N/m", False, "soft"),
+        ("gap", "5", "mm", False, ""),
+        ("shape", "3", "", False, ""),
+        ("grid", "[0, 1, 2, … 6] (7)", "", False, "stiff"),
+        ("grid", "[0, 9, 2, … 6] (7)", "", True, "soft"),
+        ("seed", "5", "", True, "soft"),
+    ]
+    assert {(row.member, row.description, row.source) for row in rows[:2]} == {("wall", "stiffness", "paper A")}
+    assert report.format_parameter(np.arange(6), "", "") == "[0, 1, 2, 3, 4, 5]"
+    assert report.format_parameter(20.0, "degC", "K") == "293.15"
+    assert report.format_parameter(293.15, "K", "degC") == "20"
+    assert report.format_parameter(None, "", "") == ""
+
+
+def variable(name: str, causality: str, unit: str = "", display: str = "", **more: Any) -> MemberVariable:
+    dtype = np.asarray(more.get("start", 0.0)).dtype
+    shape = np.shape(more.get("start", 0.0))
+    more = {"shape": shape, "display_unit": display, **more}
+    return MemberVariable(name, causality, "fixed", "Float64", dtype, unit=unit, **more)
+
+
+def case(variant: str, parameters: dict[str, Any]) -> Any:
+    """One run of a variant that sets some parameters of `wall`."""
+
+    def values(_member: str, variables: dict[str, MemberVariable]) -> dict[str, Any]:
+        plain = {name: value for name, value in parameters.items() if "[" not in name}
+        grid = np.array(variables["grid"].start)
+        grid[[int(name[5]) - 1 for name in parameters if "[" in name]] = 9.0
+        return {**plain, "grid": grid}
+
+    return SimpleNamespace(variant=variant, members={"wall": SimpleNamespace(parameters=parameters)}, values=values)
 
 
 @pytest.mark.slow

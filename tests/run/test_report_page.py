@@ -1,11 +1,16 @@
 """report.html in a browser: charts in place of plots, one cursor of time, nothing cut on a phone, plots on paper."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from tests.run.reported import LIMIT, PLOTS, TIME, tables
 from twin.results import Evaluation, EventLine, Plot, PlotCurve, evaluate, expression, find_violations
+from twin.results.evaluation.violations import Violation
 from twin.results.recording import run_folder as results
+from twin.results.recording.signals import Window
 from twin.run import report_curves, report_page
 from twin.run.event_table import EventRow
 from twin.run.report_plots import draw_plots
@@ -42,6 +47,28 @@ def test_quantized_values_are_as_near_as_stated() -> None:
     assert np.nanmax(np.abs(found - values)) <= (np.nanmax(values) - np.nanmin(values)) / 2**17
     assert np.isnan(found[-1])
     np.testing.assert_array_equal(report_curves.quantize(np.full(3, 0.1)), np.full(3, 0.1))
+
+
+def test_a_curve_is_marked_where_it_violates_its_own_expectations() -> None:
+    limits: dict[str, Any] = {"cases": {("PI", 1): None}, "name": "", "text": "", "window": Window()}
+    violations = [
+        Violation(signal=expression.parse("a.force"), high=2.0, **limits),
+        Violation(signal=expression.parse("a.position"), high=0.0, **limits),
+        Violation(
+            signal=expression.parse("a.force"), reduce="std", **{**limits, "window": Window(None, 2_500_000_000)}
+        ),
+    ]
+    curves: Any = SimpleNamespace(violations=violations)
+    points = np.arange(5.0), np.array([0.0, 3.0, 3.0, 1.0, 4.0])
+
+    def spans(signal: str, *case: Any) -> list[tuple[float, float]]:
+        curve: Any = SimpleNamespace(signal=expression.parse(signal))
+        return list(report_curves.PaneBuilder.violating_spans(curves, curve, case, points))
+
+    assert spans("a.force", "PI", 1) == [(1.0, 2.0), (4.0, 4.0), (0.0, 2.5)]
+    assert spans("a.position", "PI", 1) == [(1.0, 4.0)]
+    assert spans("a.velocity", "PI", 1) == []
+    assert spans("a.force", "PI", 2) == []
 
 
 @pytest.mark.slow

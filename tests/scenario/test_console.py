@@ -117,6 +117,21 @@ def test_one_variant_alone_is_a_scenario_with_the_criteria_that_it_can_meet():
 
 
 @every_case(
+    ("keys", "title"),
+    [
+        ("title: Reach\n", "Reach"),
+        ("title: Reach\nvariants: {one: {}}\n", "Reach"),
+        ("title: Reach\nvariants: {one: {title: Reach}}\n", "Reach"),
+        ("title: Reach\nvariants: {one: {title: gently}}\n", "Reach: gently"),
+    ],
+)
+def test_the_title_of_one_variant_alone(keys, title):
+    scenario = parse_scenario(f"stop_time: 1 s\nmembers: {{heart: {{component: heart}}}}\n{keys}")
+    alone = single_case_yaml(scenario, scenario.variants[0], [])
+    assert parse_scenario(f"stop_time: 1 s\n{alone}").title == title
+
+
+@every_case(
     ("entry", "problem"),
     [
         ("servomotor.nothing: []", "servomotor has no variable `nothing`."),

@@ -20,6 +20,7 @@ members:
 connections: [trouble.SECOND -> estimate.learn]
 events: [{at: 0.5 s, set: {estimate.FIRST: 1}}]
 record: [estimate.THIRD]
+console: {parameters: {estimate.FIRST: [1, 9]}}
 metrics: {m: {signal: 2 * estimate.THIRD - estimate.rate, reduce: std, description: estimate.FIRST in words}}
 variants:
   longer: {members: {estimate: {parameters: {FIRST: 3}}}}
@@ -50,6 +51,7 @@ def test_former_names_are_read_everywhere_with_one_note(tmp_path, caplog):
     for one, other in zip(former.variants, present.variants, strict=True):
         assert (one.connections, one.events, one.record) == (other.connections, other.events, other.record)
         assert one.members["estimate"].parameters == other.members["estimate"].parameters
+    assert former.console_parameters == present.console_parameters
     assert former.metrics["m"].signal.signals == present.metrics["m"].signal.signals
     assert former.metrics["m"].description == "estimate.patience in words"
 

@@ -41,7 +41,14 @@ METRIC = BASE[BASE.index("{signal: sensor.force - 0.2") : BASE.index("\nexpect:"
         ),
         ("{[1]: 2}\n", "s.yaml:1: a key must be a name."),
         ("a: " + "[" * 100, "s.yaml:1: nested more than 24 deep."),
-        ("extends: nowhere.yaml\n", "s.yaml:1: extends: there is no file nowhere.yaml."),
+        (
+            "extends: nowhere.yaml\n",
+            "s.yaml:1: extends: there is no file nowhere.yaml. Give the name of a shipped scenario, or a path relative",
+        ),
+        (
+            "extends: none/heart.yaml\n",
+            "s.yaml:1: extends: there is no file none/heart.yaml. Give the name of a shipped",
+        ),
         (
             "extends: heart_wall_force.yaml\n",
             "s.yaml:1: extends: there is no file heart_wall_force.yaml. Write `extends: h",

@@ -1,10 +1,12 @@
 """Units, transformations and values along a chain of connections."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from tests.every_case import every_case
 from twin.errors import CouplingError
-from twin.ssp.flat import append_connection, is_same_unit
+from twin.ssp.flat import SystemFlattener, append_connection, is_same_unit
 from twin.ssp.model import End, Linear, SspConnection, ValueTable
 from twin.ssp.parameters import AssignedValue, convert_value
 
@@ -97,3 +99,29 @@ def test_values(value, unit, change, suppress, target, expected):
 def test_a_text_has_no_transformation():
     with pytest.raises(CouplingError, match=r"^x: a linear transformation is for numbers, not for 'a'\. Drop it\.$"):
         convert_value(AssignedValue("a", None, Linear(2.0), False, "f:1"), None, "x")
+
+
+@every_case(
+    ("connections", "units", "expected"),
+    [
+        ([wire()], ("mm", "m"), None),  # the units of the FMUs say it all
+        ([wire()], ("", "m"), Linear(0.001)),
+        ([wire()], ("mm", ""), Linear(0.001)),
+        ([wire(suppress=True)], ("mm", "m"), Linear()),
+        ([wire(Linear(2.0))], ("mm", "m"), Linear(0.002)),
+        ([wire(), wire(suppress=True)], ("mm", "m"), Linear()),
+        ([wire(Linear(2.0)), wire()], ("mm", "m"), Linear(0.002)),
+    ],
+)
+def test_what_a_flat_connection_changes(connections, units, expected):
+    """None: values are converted from the unit of one FMU to that of the other."""
+    source, target = (("a",), "y"), (("b",), "u")
+    flattener = SystemFlattener({})
+    for (path, name), unit in zip((source, target), units, strict=True):
+        info = SimpleNamespace(variables={name: SimpleNamespace(unit=unit)})
+        flattener.members[path] = SimpleNamespace(info=info)
+    middle = [((), f"connector {number}") for number in range(len(connections) - 1)]
+    flattener.units = {source: "mm", target: "m"} | dict.fromkeys(middle, "mm")
+    flattener.add_connection(source, target, list(zip([*middle, target], connections, strict=True)))
+    (flat,) = flattener.flat.wires
+    assert (flat.source, flat.target, flat.change) == ("a.y", "b.u", expected)

@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.every_case import every_case
 from tests.ssp.parts import HEAD, UNITS, component, description, system
 from twin.ssp.model import Linear
 
@@ -112,6 +113,56 @@ def test_values_that_cannot_be_read(read):
     for text in ("`fast` is not a finite number. Correct it.", "parameter `none` has no value. Give it one."):
         assert f"{WHERE}: {text}" in read.messages.problems
     assert any("`00` is binary, which no member takes here. Leave it out." in text for text in read.messages.problems)
+
+
+@every_case(
+    ("kind", "inside", "expected"),
+    [
+        ('Float64 value="2.5"', "", 2.5),
+        ('Float64 value="2.5"', '<ssc:Dimension size="1"/>', [2.5]),
+        ('Int32 value="1 2 3 4 5 6"', '<ssc:Dimension size="2"/><ssc:Dimension size="3"/>', [[1, 2, 3], [4, 5, 6]]),
+        (
+            'UInt8 value="1 2 3 4"',
+            '<ssc:Dimension size="2"/><ssc:Dimension size="1"/><ssc:Dimension size="2"/>',
+            [[[1, 2]], [[3, 4]]],
+        ),
+        ("Float64", "2.5", 2.5),
+        ("Boolean", "true false", "parameter `x` has 2 values and no Dimension. Keep one value."),
+        ("String", "a b", "parameter `x` has 2 values and no Dimension. Keep one value."),
+        ("String", 'a b <ssc:Dimension size="2"/>', ["a", "b"]),
+        ('String value="a b"', '<ssc:Dimension size="1"/>', ["a b"]),
+        ('Float64 value="1 2"', '<ssc:Dimension size="3"/>', "parameter `x` has 2 values for 3. Correct it."),
+        (
+            'Float64 value="1 2 3"',
+            '<ssc:Dimension size="2"/><ssc:Dimension size="2"/>',
+            "parameter `x` has 3 values for 2 x 2. Correct it.",
+        ),
+        ('Float64 value=""', '<ssc:Dimension size="0"/>', "parameter `x` has 0 values for 0. Correct it."),
+        (
+            'Float64 value="1"',
+            '<ssc:Dimension size="-1"/><ssc:Dimension size="-1"/>',
+            "parameter `x` has 1 values for -1 x -1. Correct it.",
+        ),
+        ('Float64 value="1"', '<ssc:Dimension size="many"/>', "`many` is not a whole number. Correct it."),
+        ('Float64 value="1e400"', "", "`1e400` is not a finite number. Correct it."),
+        ('Boolean value="yes"', "", "`yes` is not true or false. Correct it."),
+        ('Int32 value="+12345678901234567890"', "", 12345678901234567890),
+        ('Int32 value="123456789012345678901"', "", "`123456789012345678901` is not a whole number. Correct it."),
+    ],
+)
+def test_values_of_version_2_may_be_arrays(read, kind, inside, expected):
+    """Values are in an attribute, separated by spaces, or in elements of their own."""
+    texts, mark, dimensions = inside.partition("<")
+    elements = "".join(f'<ssv:Value value="{text}"/>' for text in texts.split())
+    values = f'<ssv:Parameter name="x"><ssv:{kind}>{elements}</ssv:{kind.split()[0]}>{mark}{dimensions}</ssv:Parameter>'
+    found = bound(read, "", f"<ssd:ParameterValues>{SET.format(values, '')}</ssd:ParameterValues>")
+    given = [parameter.value for binding in found for parameter in binding.parameters]
+    if isinstance(expected, str):
+        assert given == []
+        assert f"{WHERE}: {expected}" in read.messages.problems
+    else:
+        assert given == [expected]
+        assert type(given[0]) is type(expected)
 
 
 def test_a_mapping_of_another_kind_is_none(read):

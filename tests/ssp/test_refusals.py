@@ -95,14 +95,17 @@ def test_all_mistakes_at_once(bench):
 
 
 def test_values_for_nobody_are_left_out_with_a_note(bench):
-    path = bench.ssp(description(system(DRIVE, before=bindings("drive.sped=1", *(f"n.k{i}=2" for i in range(9))))))
+    path = bench.ssp(
+        description(system(DRIVE, before=bindings("drive.sped=1", "speed=7", *(f"n.k{i}=2" for i in range(9)))))
+    )
     assert lint(path)[1] == []
-    first, *_, more, step = ssp_reader.notes(path, "s.ssp")
+    first, second, *_, more, step = ssp_reader.notes(path, "s.ssp")
     assert first == (
         "s.ssp/SystemStructure.ssd:3: nothing is called `drive.sped` in the system: its value is left out. "
         "Did you mean `drive.speed`?"
     )
-    assert more.endswith("5 more values fit nothing and are left out.")
+    assert "nothing is called `speed` in the system: its value is left out." in second
+    assert more.endswith("6 more values fit nothing and are left out.")
     assert "says no communication step" in step
 
 

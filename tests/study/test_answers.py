@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from scipy import stats
 
 from tests.every_case import every_case
-from tests.study.patients import STUDY, study_file
+from tests.study.patients import SCENARIO, STUDY, study_file
 from twin.cli import group
 from twin.cli.check import check_file
 from twin.results import Expectation
@@ -286,6 +286,24 @@ def test_few_samples_and_equal_ones_are_said(tmp_path):
     )
     same = paired(tmp_path, [0.1] * 12, [0.1] * 12)
     assert headline(same)[1].text == "force_max of soft equals that of plain in all 12 samples."
+
+
+def test_an_interval_needs_ten_random_samples(tmp_path):
+    values = np.linspace(0.1, 0.2, 10)
+    for count, method, is_given in ((9, "random", False), (10, "random", True), (10, "latin_hypercube", True)):
+        pair = paired(tmp_path, values[:count], 2.0 * values[:count], method).pairs[0]
+        assert np.isfinite([pair.low, pair.high]).all() == is_given
+        assert pair.mean == pytest.approx(values[:count].mean())
+
+
+@every_case(("variants", "compared"), [("", True), ("variants: [plain], ", False), ("variants: [soft, plain], ", True)])
+def test_a_metric_is_compared_between_its_own_variants(tmp_path, variants, compared):
+    scenario = SCENARIO.replace("motion: {", f"motion: {{{variants}")
+    study = load_study(study_file(tmp_path, STUDY.replace("count: 6", "count: 2"), scenario))
+    rows = [Row(request.number, "done", "", (0.1, 0.2), (True, None)) for request in study.requests()]
+    pairs = Answers(CaseTable(study, list(study.requests()), rows)).pairs
+    expected = [("plain", "soft")] if compared else []
+    assert [(pair.first, pair.second) for pair in pairs if pair.metric == "motion"] == expected
 
 
 @pytest.mark.slow

@@ -81,6 +81,14 @@ def test_a_deviation_is_a_difference(tmp_path):
     assert temperature.numbers == pytest.approx((293.15, 2.0))
 
 
+@every_case("name", ["scenario", "heart_wall_force", "heart_wall_force.yaml"])
+def test_the_file_of_a_scenario_may_have_any_name(tmp_path, name):
+    """It has precedence over a shipped scenario of that name."""
+    path = study_file(tmp_path, STUDY.replace("scenario.yaml", name))
+    (tmp_path / name).write_text(SCENARIO)
+    assert load_study(path).scenario.path == tmp_path / name
+
+
 def test_a_variable_of_one_variant_varies_in_that_one(tmp_path):
     scenario = SCENARIO.replace("plain: {}", "plain: {members: {sensor: {component: heart}}}")
     scenario = scenario.replace("  - wall.force -> sensor.force\n", "").replace("sensor.measured_force", "wall.force")

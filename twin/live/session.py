@@ -127,7 +127,7 @@ class Session:
         self.apply_events()
         while not self.ending:
             time, now = simulated.time, wall.monotonic()
-            goes = self.phase == "running" or (self.left is not None and self.left > 0)
+            goes = self.phase == "running" or bool(self.left)
             due = self.pace.due(clock.seconds(time)) if self.phase == "running" and not self.wall_clock else now
             if not goes or due > now:
                 latest = min(due if goes else now + MAX_SLEEP, self.dead_man.deadline, now + MAX_SLEEP)
@@ -138,7 +138,7 @@ class Session:
             else:
                 self.listen(0.0)
                 self.update_held_inputs()
-                if not self.ending and (self.phase == "running" or self.left):
+                if not self.ending and (self.phase == "running" or self.left):  # a command may have changed them
                     self.block()
             report_progress(self.case.name, 0.0)
             self.report()

@@ -90,17 +90,16 @@ class NonnegativeAnalysis:
             inner = [self.is_nonnegative(argument) for argument in node.args]
             if node.func.id == "range":
                 low = inner[0] if len(inner) > 1 else True
-                return low and (len(inner) < 3 or self._falls_to_zero(node))
+                return low and (len(inner) < 3 or self._stops_at_zero(node))
             return any(inner) if node.func.id == "max" else all(inner) if node.func.id in ("min", "abs") else False
         return False
 
-    def _falls_to_zero(self, node: ast.Call) -> bool:
-        """Whether a range with a step stays at or above 0."""
+    def _stops_at_zero(self, node: ast.Call) -> bool:
+        """Whether a range with a step stays at or above 0, even if the step is negative."""
         try:
-            step, stop = self.inference.static(node.args[2]), self.inference.static(node.args[1])
+            return bool(self.inference.static(node.args[1]) >= -1)
         except NotStaticError:
             return False
-        return bool(step > 0 or stop >= -1)
 
 
 def names_of(node: ast.AST) -> set[str]:
