@@ -90,7 +90,7 @@ def test_a_type_by_its_name_is_the_type_itself():
     with pytest.raises(BuildError, match=r"Named\.number: start does not fit 32 bits"):
         expose_scalars(Named)
     with pytest.raises(
-        DeclarationError, match="type 'Real' of 'force' is not known. Use one of Float64, Int32, Int64, Boolean"
+        DeclarationError, match=r"type 'Real' of 'force' is not known\. Use one of Float64, Int32, Int64, Boolean"
     ):
         input("N", "force", type="Real")
 
