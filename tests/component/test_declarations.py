@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.every_case import every_case
+from twin.compiler import Tangents, tangents
 from twin.component import (
     Boolean,
     Component,
@@ -22,7 +23,8 @@ from twin.component import (
 from twin.component.buffers import overflows
 from twin.component.component import evaluation, resampled
 from twin.component.variable import layout
-from twin.errors import DeclarationError
+from twin.errors import BuildError, DeclarationError
+from twin.fmi.exporting.model_description_writer import expose_scalars
 
 
 class Mixed(Component):
@@ -63,6 +65,34 @@ def test_variables_have_types_shapes_and_start_values():
     assert (slope.unit, other.unit, slope.description) == ("m/s", "1/s", "derivative of x")
     assert (slope.minimum, slope.nominal, slope.display_unit, slope.source) == (None, None, "", "")
     assert [v.size for v in Mixed.variables if v.role is Role.state] == [2, 1]
+
+
+class Named(Component):
+    """Types as text."""
+
+    method = solver.rk4(1e-3)
+    u = input("N", "Float64 by its name", type="Float64")
+    y = output("N", "Float64 by its name", type="Float64")
+    flags = input("", "Booleans by their name", type="Boolean", shape=(2,))
+    number = input("", "Int64 by its name", type="Int64", start=2**40)
+    x = state(0.0, "N*s", "integral")
+
+    def derivatives(self, t):
+        self.der_x = self.u
+        self.y = 2.0 * self.u
+
+
+def test_a_type_by_its_name_is_the_type_itself():
+    """The name alone lost derivatives, units in FMUs, and the check of whole numbers for FMI 2.0."""
+    assert all(type(variable.type) is type(Float64) for variable in Named.variables)
+    assert Named.flags.dtype == np.int8
+    assert isinstance(tangents(Named), Tangents)
+    with pytest.raises(BuildError, match=r"Named\.number: start does not fit 32 bits"):
+        expose_scalars(Named)
+    with pytest.raises(
+        DeclarationError, match=r"type 'Real' of 'force' is not known\. Use one of Float64, Int32, Int64, Boolean"
+    ):
+        input("N", "force", type="Real")
 
 
 def test_memory_is_in_blocks_of_words_by_role_and_states_are_one_vector():

@@ -107,13 +107,33 @@ def test_other_times_are_interpolated(times: list[float], second: list[float], v
     assert compared(TIME, np.array(second), times=times).value == value
 
 
+@every_case(
+    ("times", "value"),
+    [
+        (np.arange(0.0, 3.1, 0.5), 0.0),  # the finer recording holds every sample of the coarser one
+        ([0.0, 1.5, 3.0], 0.25),  # at 1.5 s the parabola is 0.25 below its chord
+        ([0.5, 1.5, 2.5, 3.5], 0.25),  # equally fine: samples of both count
+    ],
+)
+def test_the_verdict_does_not_depend_on_the_order_of_the_recordings(times: Any, value: float) -> None:
+    curve, other = TIME**2, np.asarray(times) ** 2
+    forth = largest_difference(
+        "a.x", ("PI", 3), *(Signals(t, {"a.x": x}, {}) for t, x in ((TIME, curve), (times, other))), 0.0
+    )
+    back = largest_difference(
+        "a.x", ("PI", 3), *(Signals(t, {"a.x": x}, {}) for t, x in ((times, other), (TIME, curve))), 0.0
+    )
+    assert forth.value == back.value == value
+    assert (forth.part, forth.time) == (back.part, back.time)
+
+
 def test_what_is_no_real_number_keeps_its_value_until_the_next_sample() -> None:
     own = np.array([0.0, 1.0, 2.0])
     assert resample(np.array([-1.0, 0.0, 0.5, 1.0, 9.0]), own, np.array([3, 4, 5]), False).tolist() == [3, 3, 3, 4, 5]
     pairs = np.array([[0.0, 1.0], [2.0, 1.0], [4.0, 1.0]])
     assert resample(np.array([0.5, 1.25]), own, pairs, True).tolist() == [[1.0, 1.0], [2.5, 1.0]]
     assert resample(np.array([0.5]), own, np.zeros((3, 0)), True).shape == (1, 0)
-    assert compared([0, 1, 2, 3], [0, 2], times=[0.0, 2.0]).value == 1.0
+    assert compared([0, 1, 2, 3], [0, 1, 2, 3], times=[0.5, 1.5, 2.5, 3.5]).value == 1.0
 
 
 @every_case(

@@ -69,6 +69,27 @@ def test_residuals_larger_than_the_noise_widen_the_intervals(noise, factor):
     assert knowledge.covariance == pytest.approx(variance * np.linalg.inv(MATRIX.T @ MATRIX), rel=1e-5)
 
 
+@pytest.mark.parametrize("noise", [NOISE, None])
+@pytest.mark.parametrize("method", ["jacobian", "profile"])
+def test_weights_change_the_estimate_and_not_the_noise(noise, method):
+    """Linear regression with weights that are not those of the noise: its covariance is known, and far from the usual one."""
+    weights = np.repeat([10.0, 1.0], len(MATRIX))
+    first = MATRIX + np.array([0.3, -0.2])
+    matrix = np.vstack([first, MATRIX])
+    measured = matrix @ TRUTH + np.tile(ERRORS, 2)
+    model = Formula(lambda x: [first @ x, MATRIX @ x], [*measured.reshape(2, -1)], noise=[noise, noise])
+    object.__setattr__(model.problem.outputs[0], "weight", 10.0)
+    position = np.linalg.lstsq(weights[:, None] * matrix, weights * measured, rcond=None)[0]
+    sigma = NOISE if noise else np.sqrt(np.sum((measured - matrix @ position) ** 2) / (len(measured) - 2))
+    gain = np.linalg.solve(matrix.T @ (weights[:, None] ** 2 * matrix), matrix.T * weights**2)
+    deviations = sigma * np.sqrt(np.diag(gain @ gain.T))
+    knowledge = estimate_uncertainty(model, Fit(position, [NOISE, NOISE]), method, 1, lambda *_: None)
+    assert knowledge.deviations == pytest.approx(deviations, rel=1e-5)
+    width = quantile(Residuals(model, [NOISE, NOISE])) * deviations
+    assert knowledge.high - position == pytest.approx(width, rel=0.02)
+    assert position - knowledge.low == pytest.approx(width, rel=0.02)
+
+
 @pytest.mark.parametrize("errors", [ERRORS, 10 * ERRORS])
 def test_profiles_of_a_linear_model_end_where_regression_says(errors):
     """The cost is a parabola: at a third of the way it has risen by a ninth of the limit."""
@@ -197,10 +218,11 @@ def test_an_interval_is_as_wide_as_students_t_says():
 
 def test_what_changes_next_to_nothing_has_no_covariance():
     jacobian = np.array([[3.0, 0.0, 1e-8], [0.0, 2.0, 0.0], [4.0, 0.0, 0.0]])
-    matrix, own, singular, directions = inverse(jacobian, 4.0)
+    matrix, own, deviations, directions, growth = inverse(jacobian, 4.0, np.ones(3))
     assert matrix == pytest.approx(np.diag([4.0 / 25.0, 1.0, 0.0]))
     assert own.tolist() == [0, 1]
-    assert singular == pytest.approx([5.0, 2.0])
+    assert deviations == pytest.approx([0.4, 1.0])
+    assert growth == pytest.approx([4.0, 4.0, 1.0])
     assert np.abs(directions) == pytest.approx(np.eye(2))
 
 

@@ -97,8 +97,10 @@ def test_what_is_known_before_and_after_a_study(tmp_path):
 
 
 ANALYSIS = """
+from scaling_of_the_study import scaled
+
 def tenfold(force):
-    return {"force": 10.0 * force}
+    return {"force": 10.0 * scaled(force)}
 tenfold.outputs = {"force": "N"}
 """
 
@@ -107,12 +109,17 @@ def test_what_decides_the_results_has_a_hash(tmp_path, monkeypatch):
     """Other samples of the same file, as of a changed estimate, and another analysis do not go on."""
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "of_the_study.py").write_text(ANALYSIS)
+    (tmp_path / "scaling_of_the_study.py").write_text("def scaled(force):\n    return force\n")
     analyses = 'analyses: {more: {function: "of_the_study:tenfold", inputs: {force: sensor.measured_force}}}\n'
     study = load_study(study_file(tmp_path, STUDY, SCENARIO + analyses))
     before = manifest.inputs(study)
     moved = replace(study, design=replace(study.design, values=study.design.values * 1.01))
     assert [name for name, value in manifest.inputs(moved).items() if value != before[name]] == ["samples"]
     (tmp_path / "of_the_study.py").write_text(ANALYSIS.replace("10.0", "20.0"))
+    assert [name for name, value in manifest.inputs(study).items() if value != before[name]] == ["analysis more"]
+    (tmp_path / "of_the_study.py").write_text(ANALYSIS)
+    assert manifest.inputs(study) == before
+    (tmp_path / "scaling_of_the_study.py").write_text("def scaled(force):\n    return 2 * force\n")
     assert [name for name, value in manifest.inputs(study).items() if value != before[name]] == ["analysis more"]
 
 

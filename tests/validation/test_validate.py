@@ -2,6 +2,7 @@
 
 import json
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from tests.validation.synthetic import ROBOT, TRUE, robot, run, write_csv, write
 from twin.cli import group
 from twin.errors import TwinError
 from twin.validation import fit_and_freeze, frozen_path, frozen_text, html, load, runner, validate
+from twin.validation.model import ValidationSet
 
 
 @pytest.fixture(scope="module")
@@ -102,6 +104,22 @@ def test_changed_source_is_reported(frozen_robot, tmp_path):
     assert row["remarks"] == [
         "the source of tests.validation.bending:Bending has changed since the fit; fit again or restore it."
     ]
+
+
+def test_source_of_a_component_includes_the_modules_that_it_imports(tmp_path, monkeypatch):
+    """A change of a shared function is a change of the component; the standard library and the engine do not count."""
+    monkeypatch.syspath_prepend(tmp_path)
+    model = "import math\nfrom stiffness_of_a_part import stiffness\nfrom twin.component import Component\nclass Part(Component):\n    pass\n"
+    (tmp_path / "part_of_a_robot.py").write_text(model)
+    shared = tmp_path / "stiffness_of_a_part.py"
+    shared.write_text("from modulus_of_a_part import E\ndef stiffness():\n    return E\n")
+    (tmp_path / "modulus_of_a_part.py").write_text("E = 1.0\n")
+    own = SimpleNamespace(keys=SimpleNamespace(component="part_of_a_robot:Part"))
+    hashes = [ValidationSet.source_hash.fget(own)]
+    for path, text in ((shared, "E = 1.0\n"), (tmp_path / "modulus_of_a_part.py", "E = 2.0\n")):
+        path.write_text(path.read_text() + text if path == shared else text)
+        hashes.append(ValidationSet.source_hash.fget(own))
+    assert len(set(hashes)) == 3
 
 
 def test_command_prints_json(frozen_robot):

@@ -14,6 +14,7 @@ from twin.compiler.component_source import Sources
 from twin.compiler.dependencies import dependencies, flow
 from twin.compiler.fingerprint import fingerprint
 from twin.compiler.hosted import build_hosted_library
+from twin.compiler.imports import source_hash
 from twin.compiler.machine import (
     call_access,
     call_state,
@@ -111,6 +112,7 @@ __all__ = [
     "read_float32",
     "reset_fingerprints",
     "side_by_side",
+    "source_hash",
     "sources",
     "tangents",
     "translate",

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
+import inspect
 import re
 import sys
 from collections.abc import Iterator
 from importlib.util import resolve_name
+from typing import Any
 
 from twin.compiler.introspection import text_of
 from twin.compiler.versions import is_fixed
@@ -42,3 +45,25 @@ def modules_of(text: str, package: str, visited: set[str]) -> Iterator[tuple[str
                 later = text_of(spec.origin or "")
                 yield name, later
                 yield from modules_of(later, spec.parent or "", visited)
+
+
+def source_hash(value: Any) -> str:
+    """SHA-256 of the file of a class or function, followed by the user's modules that it imports, directly or through others."""
+    value = inspect.unwrap(value)
+    module = sys.modules.get(value.__module__)
+    own = text_of(inspect.getsourcefile(value) or "")
+    texts = {value.__module__: ""}
+    visited: set[str] = set()
+    waiting = [(own, getattr(module, "__package__", None) or "")]
+    while waiting:
+        for name, later in modules_of(*waiting.pop(), visited):
+            loaded = sys.modules.get(name)
+            file = getattr(loaded, "__file__", None) or ""
+            if name in texts or is_fixed(name) or not (later or source_import.is_of_person(name, file)):
+                continue
+            texts[name] = text_of(file) if later is None else later
+            if later is None:
+                waiting.append((texts[name], getattr(loaded, "__package__", None) or ""))
+    del texts[value.__module__]
+    parts = [own, *(f"\n{name}\n{texts[name]}" for name in sorted(texts))]
+    return hashlib.sha256("".join(parts).encode("utf-8", "surrogateescape")).hexdigest()

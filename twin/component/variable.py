@@ -119,9 +119,12 @@ class Variable:
 
 def _declare(role: Role, unit: str, description: str, start: Start, options: dict[str, Any]) -> Any:
     """Make a variable, taking shape and Boolean type from the start value where they are not given."""
-    kind = options.setdefault("type", Boolean if np.asarray(start).dtype.kind == "b" else Float64)
+    kind = options.get("type", Boolean if np.asarray(start).dtype.kind == "b" else Float64)
+    if kind not in DTYPES:
+        raise DeclarationError(f"type {kind!r} of {description!r} is not known. Use one of {', '.join(DTYPES)}.")
+    options["type"] = Type(kind)  # a name as text becomes the type itself, with which the engine compares
     if "shape" not in options:
-        options["shape"] = np.asarray(start, dtype=DTYPES[Type(kind)]).shape
+        options["shape"] = np.asarray(start, dtype=DTYPES[options["type"]]).shape
     if options["shape"]:
         start = tuple(np.broadcast_to(np.asarray(start), options["shape"]).tolist())
     return Variable(role, unit, description, start, **options)

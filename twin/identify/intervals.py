@@ -57,6 +57,7 @@ class ParameterUncertainty:
     rough: Array  # whether the model answers small changes of it more than wide ones
     inflation: float = 1.0  # of the variance, by correlation of residuals
     residual: float = 1.0  # their standard deviation by the noise that was assumed
+    growth: Array = field(default_factory=lambda: np.ones(0))  # variance of each unknown by that of the cost alone
     profiles: dict[int, ProfileLikelihood] = field(default_factory=dict)
     samples: Array | None = None
 
@@ -133,19 +134,21 @@ def covariance(residuals: Residuals, position: Array) -> ParameterUncertainty:
     values = residuals(position)
     freedom = max(problem.count - len(position), 1)
     influence, slope = psi(values, problem.keys.loss)
-    variance = float(np.mean(influence**2)) / max(float(np.mean(slope)), 1e-3) ** 2 * problem.count / freedom
+    weights = np.concatenate([np.full(len(output.values), output.weight) for output in problem.outputs])
+    noise = influence / weights  # a weight changes the estimate, not the noise of the measurement
+    variance = float(np.mean(noise**2)) / max(float(np.mean(slope)), 1e-3) ** 2 * problem.count / freedom
     wider = inflation(residuals, values)
     given = all(output.noise for output in problem.outputs)
     factor = wider * (max(variance, 1.0) if given else variance)
     jacobian = residuals.jacobian(position, COARSE, central=True)
-    matrix, own, s, directions = inverse(jacobian, factor)
+    matrix, *_ = inverse(jacobian, factor, weights)
     steps = np.clip(0.3 * np.sqrt(np.diag(matrix)), FINEST, COARSE)
     finer = residuals.jacobian(position, steps, central=True)
     rough = np.linalg.norm(finer, axis=0) > ROUGH * np.linalg.norm(jacobian, axis=0)
-    matrix, own, s, directions = inverse(np.where(rough, jacobian, finer), factor)
+    matrix, own, singular, directions, growth = inverse(np.where(rough, jacobian, finer), factor, weights)
     effect = np.isin(np.arange(len(position)), own)
     deviations = np.sqrt(np.diag(matrix))
-    spread = np.zeros((len(s), len(position)))
+    spread = np.zeros((len(singular), len(position)))
     spread[:, own] = directions
     width = quantile(residuals) * deviations
     low, high = position - width, position + width
@@ -155,44 +158,45 @@ def covariance(residuals: Residuals, position: Array) -> ParameterUncertainty:
         matrix,
         low,
         high,
-        np.sqrt(factor) / s,
+        singular,
         spread,
         effect,
         rough & effect,
         wider,
         float(np.sqrt(variance)),
+        growth,
     )
 
 
-def inverse(jacobian: Array, factor: float) -> tuple[Array, Array, Array, Array]:
-    """Covariance; the unknowns that have an effect; singular values and directions of these."""
+def inverse(jacobian: Array, factor: float, weights: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """Covariance; the unknowns that have an effect; standard deviations of combinations of these, and their directions.
+
+    Last, the variance of each unknown divided by its entry of (J' J)^-1. `jacobian` J and residuals are multiplied by
+    `weights` W, the noise is not: covariance = factor (J' J)^-1 J' W^2 J (J' J)^-1, with the variance `factor` of the
+    residuals without weights (sandwich estimator; White, Econometrica 48(4), 1980).
+    """
     norms = np.linalg.norm(jacobian, axis=0)
     own = np.flatnonzero(norms > NOTHING * max(float(np.max(norms)), 1e-300))
-    _, s, directions = np.linalg.svd(jacobian[:, own], full_matrices=False)
+    rows, s, directions = np.linalg.svd(jacobian[:, own], full_matrices=False)
     s = np.maximum(s, 1e-12 * max(float(s[0]) if len(s) else 0.0, 1e-300))
     matrix = np.zeros((len(norms), len(norms)))
-    matrix[np.ix_(own, own)] = factor * (directions.T / s**2) @ directions
-    return matrix, own, s, directions
-
-
-def limit(residuals: Residuals, knowledge: ParameterUncertainty) -> float:
-    """Cost above the best at the end of an interval."""
-    problem = residuals.model.problem
-    values = knowledge.inflation * knowledge.residual**2
-    if all(output.noise for output in problem.outputs):
-        values = knowledge.inflation * max(knowledge.residual, 1.0) ** 2
-    return 0.5 * values * quantile(residuals) ** 2
+    weighted = weights[:, None] * rows
+    middle = factor * weighted.T @ weighted
+    matrix[np.ix_(own, own)] = (directions.T / s) @ middle @ (directions.T / s).T
+    growth = np.ones(len(norms))
+    growth[own] = np.diag(matrix)[own] / np.sum((directions.T / s) ** 2, axis=1)
+    return matrix, own, np.sqrt(np.diag(middle)) / s, directions, growth
 
 
 def profiled(residuals: Residuals, optimum: Array, knowledge: ParameterUncertainty, report: ReportProgress) -> None:
     """Ends of the intervals where the cost, searched over all others, has risen to its limit."""
     count = len(optimum)
-    height = limit(residuals, knowledge)
+    heights = 0.5 * knowledge.growth * quantile(residuals) ** 2  # cost above the best at the ends of the intervals
     least = residuals.cost(residuals(optimum))
     for i in range(count):
         if not knowledge.effect[i]:
             continue
-        points = {float(optimum[i]): 0.0}
+        points, height = {float(optimum[i]): 0.0}, float(heights[i])
         for side in (-1, 1):
             residuals.on_evaluation = lambda i=i, side=side: report(  # type: ignore[misc]
                 f"profile of {residuals.model.problem.unknowns[i].name}", (2 * i + (side > 0)) / (2 * count)

@@ -129,7 +129,7 @@ def compare_runs(
 ) -> Comparison:
     """Compare two runs. `patterns`: signals to compare, such as `heart.*`; `variants`: their cases; all if there are none.
 
-    Where times differ, the second run is interpolated at the times of the first. Status and expectations, which are of a
+    Where times differ, both are compared at the times of the coarser recording (`common_times`). Status and expectations, which are of a
     whole run, are compared without `patterns` and `variants`. TwinError for a variant that neither run has.
     """
     all_variants = {entry["variant"]: None for summary in summaries for entry in summary["cases"]}
@@ -156,7 +156,7 @@ def compare_runs(
             a, b = read[0][case], read[1][case]
             where = f"{case[0]}, seed {case[1]}"
             if not np.array_equal(a.time, b.time):
-                notes[f"{where}: sample times differ; interpolated where both are recorded."] = None
+                notes[f"{where}: sample times differ; compared at those of the coarser recording."] = None
                 if (entry := describe_length_difference(a.time, b.time)) and (
                     problem := f"{where}: {entry}"
                 ) not in problems:
@@ -231,14 +231,14 @@ def largest_difference(name: str, case: tuple[str, int], a: Signals, b: Signals,
         return Difference(*where, np.inf, np.inf)
     is_real = x.dtype.kind == "f" and y.dtype.kind == "f"
     x, y = to_si(x, unit), to_si(y, other)
-    time = np.asarray(a.time)
-    if not np.array_equal(a.time, b.time):
-        mask = (time >= b.time[0]) & (time <= b.time[-1]) if len(b.time) else np.zeros(len(time), bool)
-        time, x = time[mask], x[mask]
-    if not len(x):
+    own_times, other_times = np.asarray(a.time), np.asarray(b.time)
+    time = common_times(own_times, other_times)
+    if not len(time):
         return Difference(*where, np.inf, np.inf)
-    if not np.array_equal(time, b.time):
-        y = resample(time, np.asarray(b.time), y, is_real)
+    x, y = (
+        values if np.array_equal(time, times) else resample(time, times, values, is_real)
+        for times, values in ((own_times, x), (other_times, y))
+    )
     same = (x == y) | (np.isnan(x) & np.isnan(y))
     with np.errstate(invalid="ignore"):
         distance = np.where(same, 0.0, np.abs(x - y))
@@ -248,6 +248,20 @@ def largest_difference(name: str, case: tuple[str, int], a: Signals, b: Signals,
     size = max((float(np.max(np.abs(array[np.isfinite(array)]), initial=0.0)) for array in (x, y)), default=0.0)
     part = 0.0 if value == 0 else value / size if size else np.inf
     return Difference(*where, value, part, float(time[np.argmax(distance > tolerance * size)]), unit)
+
+
+def common_times(first: Any, second: Any) -> Any:
+    """Return the times at which two recordings are compared: samples of the coarser recording while both are recorded.
+
+    Of two that are equally fine, the samples of both. The order of the two makes no difference.
+    """
+    if np.array_equal(first, second) or not (len(first) and len(second)):
+        return first if len(first) <= len(second) else second
+    begin, end = max(first[0], second[0]), min(first[-1], second[-1])
+    inner = [times[(times >= begin) & (times <= end)] for times in (first, second)]
+    if len(inner[0]) == len(inner[1]):
+        return np.union1d(*inner)
+    return min(inner, key=len)
 
 
 def is_convertible(first: str, second: str) -> bool:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import inspect
 from dataclasses import dataclass
 from functools import cached_property
-from hashlib import sha256
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from twin import clock
+from twin import clock, compiler
 from twin.component import catalog, unit
 from twin.errors import CouplingError, ScenarioError, TwinError, nearest
 from twin.identify import Unknown
@@ -21,6 +18,7 @@ from twin.validation.rollout import MEMBER, RollOut
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
     from twin.scenario import Node
     from twin.validation.data import Data
@@ -149,9 +147,8 @@ class ValidationSet:
 
     @property
     def source_hash(self) -> str:
-        """Hash of the source of the component."""
-        cls = catalog.component(self.keys.component)
-        return sha256(Path(inspect.getfile(cls)).read_bytes()).hexdigest()
+        """Hash of the source of the component, and of the user's modules that it imports."""
+        return compiler.source_hash(catalog.component(self.keys.component))
 
     def reader(
         self, window: int | None = None, *, training: bool = False, changes: Mapping[str, float] | None = None

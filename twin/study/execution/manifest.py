@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import inspect
 import json
 from contextlib import suppress
 from pathlib import Path
@@ -32,11 +31,8 @@ def inputs(study: Study) -> dict[str, str]:
 
 
 def analyses(scenario: ScenarioSpec) -> dict[str, str]:
-    """Analysis -> hash of the file of its function."""
-    files = {analysis.name: inspect.getsourcefile(inspect.unwrap(analysis.load())) for analysis in scenario.analyses}
-    return {
-        f"analysis {name}": hashlib.sha256(Path(file).read_bytes()).hexdigest() for name, file in files.items() if file
-    }
+    """Analysis -> hash of the source of its function, and of the user's modules that it imports."""
+    return {f"analysis {analysis.name}": compiler.source_hash(analysis.load()) for analysis in scenario.analyses}
 
 
 def components(scenario: ScenarioSpec) -> dict[str, str]:
