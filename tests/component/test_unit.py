@@ -187,3 +187,17 @@ def test_cycles_are_no_angles(source, target):
 )
 def test_cycles_convert_to_cycles_and_angles_to_angles(source, target, factor):
     assert unit.conversion(source, target, "") == (pytest.approx(factor), 0.0)
+
+
+@every_case(
+    ("header", "name", "symbol"),
+    [
+        ("tip", "tip", ""),
+        ("tip [mm]", "tip", "mm"),
+        ("tip (mm)", "tip", "mm"),
+        ("tip (left)", "tip (left)", ""),
+        ("tip (left) [mm]", "tip (left)", "mm"),
+    ],
+)
+def test_a_header_has_a_unit_in_brackets_or_in_parentheses_if_it_is_one(header, name, symbol):
+    assert unit.split_header(header) == (name, symbol)

@@ -4,12 +4,14 @@ import os
 import socket
 from fractions import Fraction
 from math import inf, nan
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from tests.every_case import every_case
 from twin.live import RefusedError, member_class
+from twin.live.catalog_builder import spaces_of
 from twin.live.channel import Channel, ClosedError
 from twin.live.operator import operation_log
 from twin.live.operator.command_checks import MAX_ITEMS, MAX_LETTERS, check_value
@@ -258,3 +260,17 @@ def test_rows_of_a_recording(reader):
 def test_a_member_shows_the_class_or_the_file_of_its_component(component, name):
     assert member_class(MemberSpec(component)) == name
     assert member_class(MemberSpec(component, made=object)) == (name if "." in component else "object")
+
+
+def test_a_variant_has_the_scenes_in_space_that_are_for_it_and_whose_signals_it_has():
+    drawable = SimpleNamespace(path=None, names=(), expressions=())
+    missing = SimpleNamespace(path=None, names=("tip.position",), expressions=())
+    scenes = {
+        "of all": SimpleNamespace(variants=(), space=drawable),
+        "of one": SimpleNamespace(variants=("PI",), space=drawable),
+        "of another": SimpleNamespace(variants=("FF",), space=drawable),
+        "without its signal": SimpleNamespace(variants=(), space=missing),
+        "in a plane": SimpleNamespace(variants=(), space=None),
+    }
+    found = spaces_of(SimpleNamespace(scenes=tuple(scenes.values())), "PI", {})
+    assert [name for name, scene in scenes.items() if scene in found] == ["of all", "of one"]
