@@ -357,6 +357,18 @@ def _process_data(plan: WritePlan, node: Node) -> None:
         ):
             if start + number_ in node.mirror and start + number_ + 0x200 in node.mirror:
                 plan_pdo(plan, start + number_, base + 0x100 * number_ + node.number, words, kind)
+    disable_receive_pdos(plan, 0x1400 + len(PDOS))
+
+
+def disable_receive_pdos(plan: WritePlan, first: int) -> None:
+    """Disable the RPDOs from index `first` on, whatever their COB-IDs: another master could command the node by them, unseen.
+
+    The node is asked: it may have more than its profile.
+    """
+    for index in range(first, 0x1600):
+        if (identifier := plan.peek(index, 1)) is None:
+            return
+        plan.add(index, 1, identifier | cia301.INVALID, "not used by the run: another master could command it")
 
 
 def plan_pdo(plan: WritePlan, index: int, identifier: int, words: tuple[int, ...], kind: int) -> None:

@@ -7,6 +7,7 @@ from hw_bridge.master.plan import plan_drive
 from hw_bridge.master.restoration import restore
 from hw_bridge.master.setup import carry_out, configure, limit_positions, release
 from hw_bridge.master.writes import clamp_to_range, write, write_if_present
+from hw_bridge.profiles.rows import pdo
 from tests.hw_bridge.unconnected import WORDS, unconnected_node
 from twin.errors import SimulationError
 
@@ -239,6 +240,24 @@ def test_heartbeats_of_another_node_stay_watched_beside_those_of_this_program(fi
     node.server.dictionary.values[0x6041, 0] = WORDS[State.DISABLED]
     restore(node)
     assert {sub: node.server.dictionary.get(0x1016, sub) for sub in (1, 2)} == {1: first, 2: second}
+
+
+@pytest.mark.parametrize("in_profile", [False, True])
+def test_receive_process_data_beyond_those_of_a_run_are_disabled_and_restored(in_profile):
+    """Another master could command the drive by them, at an identifier that no monitor knows."""
+    node = unconnected_node(values={(0x6041, 0): WORDS[State.DISABLED]})
+    more = pdo(5, 0x21A, (0x60400010,), receive=True, objects=4) + pdo(6, 0x21B, (), receive=True, objects=4)
+    for dictionary in (node.server.dictionary, node.mirror)[: 1 + in_profile]:
+        for entry in more:
+            dictionary.objects.setdefault(entry.index, {})[entry.sub] = entry
+    values = node.server.dictionary.values
+    values.update({(0x1404, 1): 0x21A, (0x1405, 1): 0x8000021B})
+    configure(node, CYCLE, 127)
+    assert (values[0x1404, 1], values[0x1405, 1]) == (0x8000021A, 0x8000021B)
+    values[0x6041, 0] = WORDS[State.DISABLED]
+    restore(node)
+    assert (values[0x1404, 1], values[0x1405, 1]) == (0x21A, 0x8000021B)
+    assert node.journal.changes == {}
 
 
 def test_a_drive_that_can_watch_no_other_node_is_refused():
