@@ -4,6 +4,7 @@ import pytest
 
 from hw_bridge.bus import Frame
 from hw_bridge.dictionary import State, cia301
+from hw_bridge.profiles import DRIVE_PROFILES
 from tests.hw_bridge.axis import Rig, node
 from twin.errors import SimulationError
 
@@ -83,3 +84,18 @@ def test_what_is_not_at_rest_stays_a_note_too(rig):
     account.record_faults_at_rest(Silent(), failed=True)
     assert account.unsafe == ["first: did not confirm."]
     assert account.unsafe[0] in account.notes, "the summary of a run has it too"
+
+
+@pytest.mark.parametrize("name", DRIVE_PROFILES)
+def test_an_error_while_a_completed_run_is_stopped_is_a_note(build, name):
+    rig = Rig(build, {"servomotor": node(name)})
+    rig.set(target_velocity=0.05)
+    rig.go(100)
+    queue = rig.session.bench.bus.event_queue
+    queue.at(queue.now + 4_000_000, lambda: rig.drive.inject(0x3210))
+    rig.session.close()
+    assert rig.drive.state is State.FAULT
+    assert not rig.drive.axis.motor.powered
+    (note,) = rig.session.outcome.notes
+    assert note.startswith("servomotor: is in Fault, ")
+    assert "3210h overvoltage" in note
