@@ -302,8 +302,8 @@ class Master:
             self.run_cycle()
             if (elapsed := self.network.now - begin) > longest:  # a controlword could enable a drive again that stopped
                 raise SimulationError(
-                    f"this program stood for {elapsed / 1e6:.0f} ms while drives were brought up, longer than heartbeat.lost_after: "
-                    f"they stop by themselves. Begin anew."
+                    f"this program stood for {elapsed / 1e6:.0f} ms while drives were brought up, longer than "
+                    f"heartbeat.lost_after: they stop by themselves. Begin anew."
                 )
             if watch is not None:
                 watch()
