@@ -17,7 +17,6 @@ from hw_bridge.dictionary import Mode, State
 from hw_bridge.hardware import stall_bounds
 from hw_bridge.master import Master
 from hw_bridge.plant import bench_network
-from hw_bridge.profiles import acting
 from hw_bridge.session import Observers
 from hw_bridge.trace import Watch
 from twin.errors import ScenarioError, SimulationError
@@ -165,12 +164,7 @@ def _amount(name: str, value: float, to_text: Callable[[float], str], newton: st
 
 def switching(keys: HardwareKeys) -> list[str]:
     """Drives and modules whose outputs are written by a set-up."""
-    drives = [
-        name
-        for name, node in keys.nodes.items()
-        if node.safe_outputs is not None or any(acting.switches(node.drive, index, True) for index, _ in node.objects)
-    ]
-    return [*drives, *keys.modules]
+    return [*(name for name, node in keys.nodes.items() if node.safe_outputs is not None), *keys.modules]
 
 
 def extremes(

@@ -19,7 +19,7 @@ from twin.errors import DeclarationError, SimulationError
 from twin.files import write_atomically
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
     from hw_bridge.commission.sdo_session import SdoSession
@@ -130,16 +130,22 @@ def identity_mismatch(node: Station, wanted: Mapping[tuple[int, int], Value]) ->
 
 
 def restore(
-    sdo_session: SdoSession, node: Station, wanted: Mapping[tuple[int, int], Value]
+    sdo_session: SdoSession,
+    node: Station,
+    wanted: Mapping[tuple[int, int], Value],
+    check: Callable[[Entry], None] = lambda _: None,
 ) -> tuple[list[str], list[str]]:
     """Write and read back what differs; return names of changed objects, and a line for each refused one.
 
-    The node goes to Pre-operational, where mappings may be changed. Nothing is stored.
+    `check` raises SimulationError for an entry that may not be written; it is called for all before the first write. The
+    node goes to Pre-operational, where mappings may be changed. Nothing is stored.
     """
     assert_not_driven(node)
     if problem := identity_mismatch(node, wanted):
         raise SimulationError(problem)
     changes = differences(node, wanted)
+    for entry, _, _ in changes:
+        check(entry)
     sdo_session.nmt(cia301.PRE_OPERATIONAL, node.number)
     changed, refused = [], []
     for entry, _, value in changes:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from canopen.lss import LssError, LssMaster
 
 from hw_bridge.bus import MILLISECOND, Frame
+from hw_bridge.commission.nvm import FLASH
 from hw_bridge.commission.sdo_session import MOVING
 from hw_bridge.dictionary import cia301, state_of
 from hw_bridge.master import SdoError, SilentError
@@ -23,7 +24,9 @@ ROWS = {1_000_000: 0, 800_000: 1, 500_000: 2, 250_000: 3, 125_000: 4, 50_000: 6,
 ANSWER = 500 * MILLISECOND  # longest time that a device takes [ns]
 INQUIRE = (0x5A, 0x5B, 0x5C, 0x5D)  # vendor, product, revision, serial
 INQUIRE_NODE_ID = 0x5E
-SECOND_ANSWER = 10 * MILLISECOND  # time for that of another device [ns]
+SECOND_ANSWER = 10 * MILLISECOND  # time for that of another device, but for the last inquiry `ANSWER` [ns]
+STORE = 0x17
+UNANSWERED = (0x04, 0x15, 0x40, 0x41, 0x42)
 
 
 class Identity(NamedTuple):
@@ -56,11 +59,10 @@ class Carrier:
         """Send a request, and wait for its response."""
         self.answers.clear()
         self.sdo_session.network.send(Frame(identifier, bytes(data)))
-        self.sdo_session.wait(
-            ANSWER if data[0] not in (0x04, 0x15, 0x40, 0x41, 0x42) else MILLISECOND, lambda: bool(self.answers)
-        )
+        longest = MILLISECOND if data[0] in UNANSWERED else FLASH if data[0] == STORE else ANSWER
+        self.sdo_session.wait(longest, lambda: bool(self.answers))
         if self.answers and data[0] in (*INQUIRE, INQUIRE_NODE_ID):
-            self.sdo_session.wait(SECOND_ANSWER)
+            self.sdo_session.wait(ANSWER if data[0] == INQUIRE_NODE_ID else SECOND_ANSWER)
             if len(self.answers) > 1:
                 raise LssError("several devices answer: name one by its identity (twin hil scan)")
         for answer in self.answers:

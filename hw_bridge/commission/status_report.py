@@ -23,7 +23,7 @@ GROUPS: dict[str, tuple[tuple[int, int], ...]] = {
     ),
     "health": ((0x2200, 1), (0x2325, 7), (0x2326, 1), (0x2326, 2), (0x2326, 3), (0x3200, 1), (0x3200, 2), (0x3202, 1)),
     "inputs and outputs": ((0x60FD, 0), (0x60FE, 1)),
-    "if this program is lost": ((0x1016, 1), (0x1017, 0), (0x6007, 0), (0x60C2, 1)),
+    "if this program is lost": (*((0x1016, sub) for sub in range(1, 9)), (0x1017, 0), (0x6007, 0), (0x60C2, 1)),
 }  # fmt: skip
 MODE = 0x6061
 VAGUE = ("Actual [mA]",)  # names that say nothing without their record's

@@ -6,14 +6,16 @@ from itertools import pairwise
 from math import pi, sin
 from typing import TYPE_CHECKING
 
+from hw_bridge.dictionary import cia401
 from hw_bridge.hardware.homing_checks import homing_conflict, search_direction
+from hw_bridge.hardware.keys import ModuleKeys
 from hw_bridge.hardware.plausible import UNITS, given_quantities
 from hw_bridge.hardware.quantities import TARGET_SHARE, format_quantity, parse
-from hw_bridge.profiles import SCALING
+from hw_bridge.profiles import SCALING, acting, device
 from twin.scenario import dotted
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from hw_bridge.hardware.keys import HardwareKeys, NodeKeys
     from twin.scenario import Node
@@ -36,6 +38,7 @@ WRITTEN_BY_RUN = {  # objects whose value follows from another key
     0x6099: "homing",
     0x60C2: "cycle",
     0x60FE: "safe_outputs",
+    **dict.fromkeys((cia401.OUTPUTS, cia401.ERROR_MODE, cia401.ERROR_VALUE), "safe_outputs"),
 }
 PDO_PARAMETERS = range(0x1400, 0x1C00)
 
@@ -71,12 +74,16 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
             unit = ""
         else:
             unit = _unit(root, name, node)
-            problems = [*_pairs(keys, node, unit), *_contact(keys, node, unit), *_objects(node)]
-        lines += [
-            f"{root.find(('nodes', name, *path)).location}: {dotted(('nodes', name, *path))}: {text}"
-            for path, text in problems
-        ]
+            problems = [*_pairs(keys, node, unit), *_contact(keys, node, unit), *_objects(node), *_scaling(node)]
+        lines += _format(root, ("nodes", name), problems)
+    for name, module in keys.modules.items():
+        lines += _format(root, ("modules", name), _objects(module))
     return lines
+
+
+def _format(root: Node, parents: tuple[str, str], problems: Iterable[Problem]) -> list[str]:
+    """A line for each problem of a drive or module."""
+    return [f"{root.find((*parents, *path)).location}: {dotted((*parents, *path))}: {text}" for path, text in problems]
 
 
 def _given(root: Node, name: str) -> Iterator[tuple[tuple[str, ...], int, str]]:
@@ -166,11 +173,20 @@ def _contact(keys: HardwareKeys, node: NodeKeys, unit: str) -> Iterator[Problem]
         yield ("contact", "silent_for"), text
 
 
-def _objects(node: NodeKeys) -> Iterator[Problem]:
-    """Objects that a run writes from another key, and scaling objects that no length follows from."""
-    for index, sub in node.objects:
+def _objects(station: NodeKeys | ModuleKeys) -> Iterator[Problem]:
+    """Objects that a run writes from another key, and those that switch outputs: set-up and restoration would switch them."""
+    described = device(station.profile) if isinstance(station, ModuleKeys) else station.drive
+    for index, sub in station.objects:
         if key := "process data" if index in PDO_PARAMETERS else WRITTEN_BY_RUN.get(index):
             yield ("objects",), f"{index:04X}h.{sub}: a run writes it, as {key} says. Leave it out."
+        elif acting.switches(described, index, is_in_profile=True):
+            text = f"{index:04X}h.{sub}: switches outputs, such as a brake, before a run and again when it is restored after it. "
+            advice = f"Set it once: twin hil set {station.node} {index:04X}h.{sub} VALUE --arm --store."
+            yield ("objects",), f"{text}{advice}"
+
+
+def _scaling(node: NodeKeys) -> Iterator[Problem]:
+    """Scaling objects that no length follows from."""
     profile = node.drive
     scaling_objects = {*SCALING, *(index for index, _ in (*profile.scaling, *profile.optional_scaling))}
     for index, sub in node.scaling:

@@ -295,7 +295,16 @@ class Master:
                 raise SimulationError(f"{' '.join(self.faults())}{self.emergencies()} {RESET}")
             if self.foreign_master.text:
                 raise SimulationError(self.foreign_master.text)
+            begin, longest = (
+                self.network.now,
+                min(station.keys.heartbeat.lost_after for station in self.stations.values()),
+            )
             self.run_cycle()
+            if (elapsed := self.network.now - begin) > longest:  # a controlword could enable a drive again that stopped
+                raise SimulationError(
+                    f"this program stood for {elapsed / 1e6:.0f} ms while drives were brought up, longer than "
+                    f"heartbeat.lost_after: they stop by themselves. Begin anew."
+                )
             if watch is not None:
                 watch()
             for station in self.stations.values():

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from hw_bridge.bus import Frame
 from hw_bridge.dictionary import cia401
 from hw_bridge.master import setup
-from hw_bridge.master.plan import WritePlan, plan_heartbeat, plan_pdo
+from hw_bridge.master.plan import WritePlan, disable_receive_pdos, plan_heartbeat, plan_pdo
 from hw_bridge.master.station import Station
 from twin.errors import SimulationError
 
@@ -84,6 +84,7 @@ class ModuleNode(Station):
         blocks = range(1, self.size + 1)
         output_words = tuple(cia401.OUTPUTS << 16 | block << 8 | 8 for block in blocks)
         plan_pdo(plan, 0x1400, OUTPUT_PDO + self.number, output_words, AT_SYNC)
+        disable_receive_pdos(plan, 0x1401)
         plan_pdo(plan, 0x1800, INPUT_PDO + self.number, (cia401.INPUTS << 16 | 1 << 8 | 8,), AT_SYNC)
         return plan
 

@@ -38,6 +38,7 @@ HOMING_OFFSETS = (
     0x2081,
 )  # home offset; home position of an EPOS4, the way after it; of an EPOS2
 ABORT_OPTION, NO_ACTION = 0x6007, 0
+CONSUMER = 0x1016  # heartbeats that the node watches
 FAULT_MASK = (0x2321, 2)  # of a FAULHABER V2: errors that trip
 HEARTBEAT_LOST = 0x8130  # EMCY
 EXACT = 1.0 - 1e-12  # a whole number of units is not rounded up because its quotient is off by the last bit
@@ -312,13 +313,35 @@ def _positions(plan: WritePlan, node: Node) -> None:
 def plan_heartbeat(plan: WritePlan, master: int) -> None:
     """Heartbeat in both directions: the node sends one, and stops when this program's is missing."""
     times = plan.node.keys.heartbeat
-    watch = master << 16 | times.lost_after // MILLISECOND
-    if 0x1016 in plan.node.mirror:
-        if plan.stored_value(0x1016, 1) != watch:  # an entry that is in use may not be changed
-            plan.add(0x1016, 1, 0, "heartbeat.lost_after")
-        plan.add(0x1016, 1, watch, "heartbeat.lost_after")
+    if CONSUMER in plan.node.mirror:
+        sub = plan.node.consumer_entry = _consumer_entry(plan, master)
+        watch = master << 16 | times.lost_after // MILLISECOND
+        if plan.planned_value(CONSUMER, sub) != watch:  # an entry that is in use may not be changed
+            plan.add(CONSUMER, sub, 0, "heartbeat.lost_after")
+        plan.add(CONSUMER, sub, watch, "heartbeat.lost_after")
     if 0x1017 in plan.node.mirror:
         plan.add(0x1017, 0, times.every // MILLISECOND, "heartbeat.every")
+
+
+def _consumer_entry(plan: WritePlan, master: int) -> int:
+    """Subindex of 1016h for this program: the entry that watches it already, else a free one. None of them is a problem.
+
+    Another node that the drive watches may be a safety controller: its entry is not overwritten.
+    """
+    node = plan.node
+    entries = {sub: plan.peek(CONSUMER, sub) for sub in sorted(node.mirror.objects[CONSUMER]) if sub}
+    watched = {
+        sub: (value >> 16 & 0xFF, value & 0xFFFF) for sub, value in entries.items() if value is not None
+    }  # node-ID and time [ms]
+    free = [sub for sub, (number, time) in watched.items() if not time or number not in range(1, 128)]
+    own = [sub for sub, (number, _) in watched.items() if number == master]
+    if watched and not own + free:
+        text = ", ".join(f"1016h.{sub} watches node {number} ({time} ms)" for sub, (number, time) in watched.items())
+        plan.problems.append(
+            f"{node.name}: 1016h has no free entry for this program's heartbeat (node {master}): {text}. Clear one that "
+            f"nothing needs: twin hil set {node.number} 1016h.{min(watched)} 0."
+        )
+    return (own + free + [min(entries, default=1)])[0]
 
 
 def _process_data(plan: WritePlan, node: Node) -> None:
@@ -334,6 +357,18 @@ def _process_data(plan: WritePlan, node: Node) -> None:
         ):
             if start + number_ in node.mirror and start + number_ + 0x200 in node.mirror:
                 plan_pdo(plan, start + number_, base + 0x100 * number_ + node.number, words, kind)
+    disable_receive_pdos(plan, 0x1400 + len(PDOS))
+
+
+def disable_receive_pdos(plan: WritePlan, first: int) -> None:
+    """Disable the RPDOs from index `first` on, whatever their COB-IDs: another master could command the node by them, unseen.
+
+    The node is asked: it may have more than its profile.
+    """
+    for index in range(first, 0x1600):
+        if (identifier := plan.peek(index, 1)) is None:
+            return
+        plan.add(index, 1, identifier | cia301.INVALID, "not used by the run: another master could command it")
 
 
 def plan_pdo(plan: WritePlan, index: int, identifier: int, words: tuple[int, ...], kind: int) -> None:

@@ -27,6 +27,7 @@ OUTPUTS = (cia402.OUTPUTS, cia401.OUTPUTS)  # to restore them would switch valve
 ENABLED = (State.ENABLED, State.QUICK_STOP, State.REACTION)
 HEARTBEATS = (0x1016, 0x1017)
 MODE = 0x6060
+TEMPORARY = "while its mapping is restored"  # reason of a change by a restoration, for one that is killed
 STATUSWORD = 0x6041
 ATTEMPTS = 4  # of a request: some hundred of them are made, and frames may be lost
 ROUNDS = 2  # a limit may be refused until its counterpart is restored
@@ -57,20 +58,22 @@ def restore(station: Station) -> Restored:
     changes = [change for change in journal.changes.values() if change.before]
     pdos = _changed_pdos(station, [change for change in changes if change.index in PDOS])
     others = sorted((change for change in reversed(changes) if change.index not in PDOS), key=_rank)
-    pdos += (excluded := _excluded_counts(station, pdos))
-    disabled = _disable(station, pdos)
+    temporary = [*_excluded_counts(station, pdos), *_excluded_identifiers(station, pdos)]
+    journal.record(temporary)
+    pdos += temporary
+    _disable(station, pdos)
     left = _write_back(station, [other for other in others if other.index not in HEARTBEATS], result)
     left += _write_back(station, sorted(pdos, key=_pdo_rank), result, prepare=lambda change: _empty(station, change))
-    for index, identifier in disabled.items():
-        if (index, 1) not in journal.changes:  # it is to stay as it was a moment ago
-            download(station, index, 1, identifier)
     left += _write_back(station, [other for other in others if other.index in HEARTBEATS], result)
     _verify(station, changes, left, result)
-    result.failed += [
-        f"{station.name}: {change.name} was to stay {_hex(change.before)} and is 00h: the drive refuses it or one of its entries."
-        for change in excluded
-        if change in left
-    ]
+    for change in temporary:
+        if (present := _reads(station, change)) == change.before:
+            journal.settle([change.address])
+        else:
+            result.failed.append(
+                f"{station.name}: {change.name} was to stay {_hex(change.before)} and is {_hex(present)}: the drive refuses it "
+                f"or one of its entries."
+            )
     return result
 
 
@@ -103,6 +106,7 @@ def _retained_changes(station: Station, journal: Journal) -> list[Address]:
         address
         for address in journal.changes
         if address[0] in (*OUTPUTS, *cia402.OFFSETS) or everything or address in named or (address[0], None) in named
+        if journal.changes[address].reason != TEMPORARY
     ]
 
 
@@ -118,23 +122,32 @@ def _pdo_rank(change: ObjectChange) -> tuple[int, int, int, int]:
     return change.index & ~0x200, order, change.index, change.sub
 
 
-def _disable(station: Station, pdos: Iterable[ObjectChange]) -> dict[int, bytes]:
-    """Disable PDOs before remapping; return the COB-IDs of those that were enabled, by index."""
-    disabled = {}
+def _disable(station: Station, pdos: Iterable[ObjectChange]) -> None:
+    """Disable PDOs before remapping."""
     for index in sorted({pdo.index & ~0x200 for pdo in pdos}):
-        identifier = upload(station, index, 1)
-        present = int.from_bytes(identifier, "little")
+        present = int.from_bytes(upload(station, index, 1), "little")
         if not present & cia301.INVALID:
             download(station, index, 1, (present | cia301.INVALID).to_bytes(LONGEST, "little"))
-            disabled[index] = identifier
-    return disabled
 
 
 def _excluded_counts(station: Station, pdos: list[ObjectChange]) -> list[ObjectChange]:
     """Counts of mappings whose entries are restored, but not the count: each has to be 0 meanwhile."""
     mappings = {pdo.index for pdo in pdos if pdo.index & 0x200 and pdo.sub}
     excluded = sorted(mappings - {pdo.index for pdo in pdos if not pdo.sub})
-    return [ObjectChange(index, 0, upload(station, index, 0)) for index in excluded]
+    return [ObjectChange(index, 0, upload(station, index, 0), [b"\0"], TEMPORARY) for index in excluded]
+
+
+def _excluded_identifiers(station: Station, pdos: list[ObjectChange]) -> list[ObjectChange]:
+    """COB-IDs that are not restored, of PDOs that are: each has to be disabled meanwhile."""
+    restored = {pdo.index for pdo in pdos if not pdo.index & 0x200 and pdo.sub == 1}
+    excluded = sorted({pdo.index & ~0x200 for pdo in pdos} - restored)
+    values = [(index, upload(station, index, 1)) for index in excluded]
+    return [
+        ObjectChange(
+            index, 1, data, [(int.from_bytes(data, "little") | cia301.INVALID).to_bytes(LONGEST, "little")], TEMPORARY
+        )
+        for index, data in values
+    ]
 
 
 def _empty(station: Station, change: ObjectChange) -> None:

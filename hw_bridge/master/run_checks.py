@@ -28,11 +28,15 @@ def station_problem(master: Master, node: Node | ModuleNode) -> str:
     if node.doubled:
         return node.doubled
     if node.boots:  # the next SYNC shows whether it, or a second node with its ID
-        return f"{node.name}: started anew by itself. Check its supply." if node.silent else ""
+        return _restarted(node) if node.silent else ""
     if node.nmt_state in (NmtState.STOPPED, NmtState.PRE_OPERATIONAL):
         state = node.nmt_state.name.capitalize().replace("_", "-")
         return f"{node.name}: left NMT Operational: {state}. Another master stopped it, or an error of its own."
     return ""
+
+
+def _restarted(node: Node | ModuleNode) -> str:
+    return f"{node.name}: started anew by itself. Check its supply."
 
 
 def control_problem(node: Node, max_cycles: int) -> str:
@@ -54,9 +58,15 @@ def control_problem(node: Node, max_cycles: int) -> str:
 
 def drive_problem(master: Master, node: Node) -> str:
     """Return why a drive ends the run, by its state and the limits of the hardware file, or an empty string."""
-    limits = node.keys.limits
     if text := station_problem(master, node):
         return text
+    text = _value_problem(master, node)
+    return _restarted(node) if text and node.boots else text  # what it sends has no longer this program's mapping
+
+
+def _value_problem(master: Master, node: Node) -> str:
+    """Return why the actual values of a drive end the run, or an empty string."""
+    limits = node.keys.limits
     oldest, age = limits.actual_value_age or master.oldest, node.sample_lag + master.cycle
     if not node.silent and not node.in_doubt and age > oldest:
         return (

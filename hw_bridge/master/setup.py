@@ -164,6 +164,6 @@ def release(node: Node) -> State:
 
 def forget_heartbeats(node: Station) -> None:
     """Clear the heartbeat consumer and producer times that this program wrote."""
-    for index, sub in ((0x1016, 1), (0x1017, 0)):
+    for index, sub in ((0x1016, node.consumer_entry), (0x1017, 0)):
         if (index, sub) in node.journal.changes:
             write(node, index, sub, 0, "heartbeat")

@@ -179,8 +179,9 @@ class Stop:
             return
         self.silenced = True
         for node in self.master.nodes.values():
-            if self._confirmed(node) and node.state in AT_REST:
-                self._download(node, 0x1016, 1, bytes(4))
+            consumer = 0x1016, node.consumer_entry
+            if self._confirmed(node) and node.state in AT_REST and consumer in node.journal.changes:
+                self._download(node, *consumer, bytes(4))
         self.master.end_heartbeat()
         names = ", ".join(node.name for node in unconfirmed)
         self.master.notes.append(

@@ -203,6 +203,8 @@ class Session:
             if outcome.stopped is not None:
                 time, reason = outcome.stopped
                 outcome.stopped = time, self.master.describe_failure(reason)
+            elif not self.failed:  # else the failure names them
+                outcome.notes += self.master.fault_texts
         elif self.bench is not None:  # its trace cannot be written, for example
             self.bench.network.close()
         if self.bench is not None:

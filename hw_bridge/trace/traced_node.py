@@ -19,6 +19,7 @@ WORDS = {0x6040: names.controlword, 0x6041: names.statusword, 0x6060: names.mode
 BITS = {0x6040: "04X", 0x6041: "04X", 0x603F: "04X", 0x1001: "02X"}
 SAVE, PROFILE_AREA = 0x1010, 0x2000
 STATUSWORD = 0x6041
+MAPPABLE = 64  # objects of a PDO (CiA 301)
 
 
 class Route(NamedTuple):
@@ -158,6 +159,8 @@ class TracedNode:
                 if identifier & cia301.INVALID:
                     continue
                 count = self.dictionary.get(start + number + 0x200)
+                if count > MAPPABLE:  # of a multiplexed PDO, or a malformed transfer
+                    continue
                 words = [self.dictionary.get(start + number + 0x200, sub + 1) for sub in range(count)]
                 mapped = [(self.entry(word >> 16, word >> 8 & 0xFF), word & 0xFF) for word in words]
                 if all(entry is not None for entry, _ in mapped):

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from hw_bridge.master import Station
 
 FILE = click.argument("file", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE.dcf")
+SWITCHING = click.option(
+    "--arm", is_flag=True, help="What it switches may move: nobody is in the way of valves and brakes."
+)
 RAM = "It is lost when the drive is switched off. Keep it: twin hil store"
 
 
@@ -59,7 +62,7 @@ def get_command(bus: BusChoice, node: str, names: tuple[str, ...], profile: str 
 @click.argument("name", metavar="OBJECT")
 @click.argument("value")
 @click.option("--store", is_flag=True, help="Keep it when the drive is switched off, with all other parameters.")
-@click.option("--arm", is_flag=True, help="What it switches may move: nobody is in the way of valves and brakes.")
+@SWITCHING
 @PROFILE
 @on_a_bus
 def set_command(bus: BusChoice, node: str, name: str, value: str, store: bool, arm: bool, profile: str | None) -> None:
@@ -180,14 +183,17 @@ def difference_rows(node: Station, differences: list[tuple[Entry, Value, Value]]
 @click.argument("node", required=False, metavar="[NODE]")
 @click.argument("file", required=False, type=click.Path(dir_okay=False, path_type=Path), metavar="[FILE.dcf]")
 @click.option("--store", is_flag=True, help="Keep it when the drive is switched off.")
+@SWITCHING
 @PROFILE
 @on_a_bus
-def restore_command(bus: BusChoice, node: str | None, file: Path | None, store: bool, profile: str | None) -> None:
+def restore_command(
+    bus: BusChoice, node: str | None, file: Path | None, store: bool, arm: bool, profile: str | None
+) -> None:
     """Give NODE what it held before a run that was killed, by its journal; with FILE what a dump says.
 
-    Without NODE all nodes that answer and have a journal. Every value is read back. With FILE, node-ID, bit rate, outputs
-    and what moves a drive stay as they are; look first with compare. Refused while somebody drives it. Exit code 1 if the
-    drive refuses anything.
+    Without NODE all nodes that answer and have a journal. Every value is read back. With FILE, node-ID, bit rate, levels
+    of outputs and what moves a drive stay as they are, and functions of pins need --arm; look first with compare. Refused
+    while somebody drives it. Exit code 1 if the drive refuses anything.
 
     \b
     twin hil restore -f my_bench.yaml
@@ -195,7 +201,7 @@ def restore_command(bus: BusChoice, node: str | None, file: Path | None, store: 
     """
     with bus.sdo_session() as sdo_session:
         if file is not None and node is not None:
-            restore_file(bus, sdo_session, node, file, store, profile)
+            restore_file(bus, sdo_session, node, file, store, arm, profile)
             return
         from hw_bridge.commission import scan
 
@@ -222,14 +228,19 @@ def restore_unfinished(bus: BusChoice, sdo_session: SdoSession, node: str, profi
 
 
 def restore_file(
-    bus: BusChoice, sdo_session: SdoSession, node: str, file: Path, store: bool, profile: str | None
+    bus: BusChoice, sdo_session: SdoSession, node: str, file: Path, store: bool, arm: bool, profile: str | None
 ) -> None:
     """Write what differs from a DCF file."""
     from hw_bridge.commission import dcf, nvm, objects
 
     station = sdo_session.node(node, profile or "")
     objects.learn(station)
-    changed, refused = dcf.restore(sdo_session, station, dcf.load(file, station.number))
+    changed, refused = dcf.restore(
+        sdo_session,
+        station,
+        dcf.load(file, station.number),
+        lambda entry: switching_needs_arm(bus, station, entry, arm),
+    )
     for text in changed:
         say(f"changed: {text}")
     for text in refused:

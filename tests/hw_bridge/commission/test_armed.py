@@ -81,6 +81,21 @@ def test_objects_of_the_vendor(bench, name, word, why):
     assert "Add --arm" in said
 
 
+@pytest.mark.parametrize(("address", "value"), [((0x3151, 1), 255), ((0x3150, 2), 3)])
+def test_functions_of_pins_in_a_file(bench, tmp_path, address, value):
+    """Nothing of the file is written, also not what switches nothing."""
+    run, file = bench("epos4"), tmp_path / "before.dcf"
+    run("dump", "1", file)
+    values = bench.drive.dictionary.values
+    before = dict(values)
+    values[address], values[0x6067, 0] = value, 50
+    said = run("restore", "1", file, code=1)
+    assert f"{address[0]:04X}h.{address[1]} switches outputs at once. Nothing was written. Add --arm" in said
+    assert (values[address], values[0x6067, 0]) == (value, 50)
+    run("restore", "1", file, "--arm")
+    assert (values[address], values[0x6067, 0]) == (before[address], before[0x6067, 0])
+
+
 @pytest.mark.slow_repetitions
 @pytest.mark.parametrize("word", ["6040h", "6060h", "607Ah", "60FFh", "6071h", "60B1h", "1010h.1", "2001h", "31E4h.1"])
 def test_what_moves_is_refused_even_if_armed(bench, word):

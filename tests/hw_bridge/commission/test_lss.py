@@ -84,6 +84,37 @@ def test_without_an_identity_only_one_may_be_there(line):
     assert [one.node for one in scan(line)] == [1, 3]
 
 
+def delay_answers(line, number, time, commands=None):
+    """Let a drive answer requests of LSS, or some of them, later by a time [ns]."""
+    drive = next(port.station for port in line.network.bus._ports if getattr(port.station, "node", 0) == number)
+    answer = drive.lss._answer
+
+    def later(*data):
+        if commands is None or data[0] in commands:
+            queue = drive.port.event_queue
+            queue.at(queue.now + time, lambda: answer(*data))
+        else:
+            answer(*data)
+
+    drive.lss._answer = later
+
+
+@pytest.mark.parametrize("delay", [1, 11, 60, 400])
+def test_without_an_identity_also_a_slow_device_is_heard(line, delay):
+    """[ms]. Both would store the same node-ID."""
+    delay_answers(line, 3, delay * 1_000_000)
+    with pytest.raises(SimulationError, match="LSS: the only device on the bus: "):
+        lss.configure(line, None, 17, None)
+    line.nmt(0x82, 0)
+    line.wait(BOOT)
+    assert [one.node for one in scan(line)] == [1, 3]
+
+
+def test_a_device_may_take_seconds_to_store(line):
+    delay_answers(line, 1, 2_000_000_000, (0x17,))
+    assert lss.configure(line, V3, 17, None) == (V3, 1)
+
+
 @pytest.mark.slow
 def test_only_the_device_itself_is_reset(line, build):
     """Also where it had no node-ID: it begins by itself."""

@@ -80,6 +80,47 @@ def test_two_values_that_contradict_each_other(problems, more, message):
 
 
 @pytest.mark.parametrize(
+    ("profile", "address"),
+    [
+        ("epos4", "3151h.1"),
+        ("epos4", "3150h.2"),
+        ("epos2", "2079h.1"),
+        ("mclm", "2315h.0"),
+        ("faulhaber_v3", "2311h.4"),
+    ],
+)
+def test_functions_of_outputs_are_no_objects_of_a_run(tmp_path, profile, address):
+    """A brake would be switched before the run, and released at standstill when the object is restored."""
+    path = tmp_path / "bench.yaml"
+    limits = LIMITS.replace(" mm", " deg").replace(" m/s^2", " rad/s^2").replace("9 N", "0.2 N*m")
+    limits = limits if profile.startswith("epos") else LIMITS
+    node_text = f"{{node: 4, profile: {profile}, limits: {{{limits}}}, objects: {{{address}: 25}}}}"
+    path.write_text(f"interface: socketcan\nchannel: can0\nnodes: {{carriage: {node_text}}}\n")
+    with pytest.raises(ScenarioError) as refused:
+        hardware.load(path)
+    (line,) = refused.value.problems
+    assert line == (
+        f"{path}:3: nodes.carriage.objects: {address}: switches outputs, such as a brake, before a run and again when it is "
+        f"restored after it. Set it once: twin hil set 4 {address} VALUE --arm --store."
+    )
+
+
+@pytest.mark.parametrize(
+    ("address", "text"),
+    [
+        ("6202h.1", "switches outputs"),
+        ("6200h.1", "a run writes it, as safe_outputs says"),
+        ("1016h.1", "as heartbeat"),
+    ],
+)
+def test_objects_of_a_module_that_switch_its_outputs_or_that_a_run_writes(problems, address, text):
+    module = f"modules: {{valves: {{node: 9, outputs: {{0: a.b}}, safe_outputs: 0, objects: {{{address}: 1}}}}}}"
+    (line,) = problems(**{"nodes:": f"{module}\nnodes:"})
+    assert f"modules.valves.objects: {address}: " in line
+    assert text in line
+
+
+@pytest.mark.parametrize(
     "more",
     [
         "contact: {signal: a.b, speed: 96 mm/s}",

@@ -158,7 +158,7 @@ def test_a_drive_that_restarts_by_itself_takes_no_target_for_a_controlword(build
     rig.go(1)  # after the frames of a cycle
     frames, drive = frames_of_targets(rig.session.bench.bus, rig.drive.node), rig.drive
     restart_operational(drive)
-    with pytest.raises(SimulationError, match=r"All drives stop\."):
+    with pytest.raises(SimulationError, match=r"started anew by itself\. Check its supply\. All drives stop\."):
         rig.go(100)
     assert frames == []
     assert drive.state is State.DISABLED

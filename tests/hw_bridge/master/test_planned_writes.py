@@ -2,10 +2,13 @@
 
 import pytest
 
+from hw_bridge.dictionary import State
 from hw_bridge.master.plan import plan_drive
-from hw_bridge.master.setup import carry_out, configure, limit_positions
+from hw_bridge.master.restoration import restore
+from hw_bridge.master.setup import carry_out, configure, limit_positions, release
 from hw_bridge.master.writes import clamp_to_range, write, write_if_present
-from tests.hw_bridge.unconnected import unconnected_node
+from hw_bridge.profiles.rows import pdo
+from tests.hw_bridge.unconnected import WORDS, unconnected_node
 from twin.errors import SimulationError
 
 CYCLE = 5_000_000
@@ -216,8 +219,57 @@ def test_the_consumer_heartbeat_is_cleared_before_it_is_changed():
     """An entry in use may not be changed (CiA 301)."""
     _, writes = planned(unconnected_node(heartbeat={"every": "30 ms", "lost_after": "90 ms"}), master=5)
     assert writes[-2:] == [(0x1016, 1, 5 << 16 | 90), (0x1017, 0, 30)]
-    _, writes = planned(unconnected_node(values={(0x1016, 1): 4 << 16 | 90}), master=5)
-    assert writes[-3:] == [(0x1016, 1, 0), (0x1016, 1, 5 << 16 | 60), (0x1017, 0, 20)]
+    for stored in (5 << 16 | 90, 4 << 16, 90, 200 << 16 | 90):  # its own; of no time, of no node
+        _, writes = planned(unconnected_node(values={(0x1016, 1): stored}), master=5)
+        assert writes[-3:] == [(0x1016, 1, 0), (0x1016, 1, 5 << 16 | 60), (0x1017, 0, 20)]
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "entry"), [(4 << 16 | 90, 0, 2), (0, 4 << 16 | 90, 1), (0, 5 << 16 | 90, 2), (0, 0, 1)]
+)
+def test_heartbeats_of_another_node_stay_watched_beside_those_of_this_program(first, second, entry):
+    """Another node may be a safety controller. An entry that watches this program already comes before a free one."""
+    values = {(0x6041, 0): WORDS[State.DISABLED], (0x1016, 1): first, (0x1016, 2): second}
+    node = unconnected_node("epos4", limits=TURN, values=values)
+    configure(node, CYCLE, 5)
+    after = {1: first, 2: second} | {entry: 5 << 16 | 60}
+    assert {sub: node.server.dictionary.get(0x1016, sub) for sub in (1, 2)} == after
+    node.server.written.clear()
+    release(node)
+    assert [row for row in node.server.written if row[0] == 0x1016] == [(0x1016, entry, 0)]
+    node.server.dictionary.values[0x6041, 0] = WORDS[State.DISABLED]
+    restore(node)
+    assert {sub: node.server.dictionary.get(0x1016, sub) for sub in (1, 2)} == {1: first, 2: second}
+
+
+@pytest.mark.parametrize("in_profile", [False, True])
+def test_receive_process_data_beyond_those_of_a_run_are_disabled_and_restored(in_profile):
+    """Another master could command the drive by them, at an identifier that no monitor knows."""
+    node = unconnected_node(values={(0x6041, 0): WORDS[State.DISABLED]})
+    more = pdo(5, 0x21A, (0x60400010,), receive=True, objects=4) + pdo(6, 0x21B, (), receive=True, objects=4)
+    for dictionary in (node.server.dictionary, node.mirror)[: 1 + in_profile]:
+        for entry in more:
+            dictionary.objects.setdefault(entry.index, {})[entry.sub] = entry
+    values = node.server.dictionary.values
+    values.update({(0x1404, 1): 0x21A, (0x1405, 1): 0x8000021B})
+    configure(node, CYCLE, 127)
+    assert (values[0x1404, 1], values[0x1405, 1]) == (0x8000021A, 0x8000021B)
+    values[0x6041, 0] = WORDS[State.DISABLED]
+    restore(node)
+    assert (values[0x1404, 1], values[0x1405, 1]) == (0x21A, 0x8000021B)
+    assert node.journal.changes == {}
+
+
+def test_a_drive_that_can_watch_no_other_node_is_refused():
+    plan, _ = planned(unconnected_node(values={(0x1016, 1): 5 << 16 | 100}))
+    problem = (
+        "axis: 1016h has no free entry for this program's heartbeat (node 127): 1016h.1 watches node 5 (100 ms). Clear one "
+        "that nothing needs: twin hil set 3 1016h.1 0."
+    )
+    assert plan.problems == [problem]
+    values = {(0x1016, 1): 5 << 16 | 100, (0x1016, 2): 6 << 16 | 200}
+    plan, _ = planned(unconnected_node("epos4", limits=TURN, values=values))
+    assert "1016h.1 watches node 5 (100 ms), 1016h.2 watches node 6 (200 ms)." in plan.problems[0]
 
 
 @pytest.mark.parametrize(("period", "counted"), [(5_000_000, [5]), (255_000_000, [255]), (0, [0])])

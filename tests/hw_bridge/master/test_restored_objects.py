@@ -1,5 +1,6 @@
 """What a restoration writes, in its order, and what it reports of each object: from the journal of one drive."""
 
+from contextlib import suppress
 from types import SimpleNamespace
 
 import pytest
@@ -185,6 +186,40 @@ def test_a_count_that_the_hardware_file_keeps_is_0_only_while_entries_are_restor
         return
     assert node.server.written[1:-1] == [(0x1600, 0, 0), (0x1600, 1, 0x60400010), (0x1600, 0, 1)]
     assert (result.retained, result.restored, result.failed) == (["1600h.0"], ["1600h.1"], [])
+
+
+class KilledError(BaseException):
+    """No handler runs after it."""
+
+
+@pytest.mark.parametrize("keep", [["1400h.1"], ["1600h.0"], ["1400h", "1A00h.0"]])
+def test_process_data_that_stay_are_enabled_also_where_a_restoration_was_killed(keep):
+    """At each of its writes; the next one completes it."""
+
+    def run_and_restore(number):
+        node = unconnected_node(keep=keep, values={(0x6041, 0): WORDS[State.DISABLED]})
+        configure(node, CYCLE, 127)
+        node.server.dictionary.values[0x6041, 0] = WORDS[State.DISABLED]
+        send, writes = node.sdo.send, []
+
+        def send_until_killed(request):
+            if request.data[0] >> 5 == 1:
+                writes.append(request)
+                if len(writes) == number:
+                    raise KilledError
+            send(request)
+
+        node.sdo.send = send_until_killed
+        with suppress(KilledError):
+            restore(node)
+        result = restore(node)
+        assert (result.failed, result.foreign, node.journal.changes) == ([], [], {})
+        return node.server.dictionary.values, len(writes)
+
+    expected, count = run_and_restore(None)
+    assert not expected[0x1400, 1] & 0x80000000
+    for number in range(1, count + 1):
+        assert run_and_restore(number)[0] == expected, number
 
 
 @pytest.mark.parametrize("state", State)

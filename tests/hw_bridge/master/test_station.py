@@ -20,7 +20,7 @@ from hw_bridge.master.timing import Timing
 from hw_bridge.profiles import device
 from tests.every_case import every_case
 from tests.hw_bridge.axis import node as node_keys
-from tests.hw_bridge.unconnected import NUMBER, frame, unconnected_node
+from tests.hw_bridge.unconnected import NUMBER, SdoServer, frame, unconnected_node
 from twin.errors import SimulationError
 
 
@@ -295,6 +295,17 @@ def test_outputs_of_a_module():
     assert (module.answered, module.answered_at) == (1, 9)
     module.process_frame(Frame(0x283, b"\0"), 10)
     assert (module.answered, module.answered_at) == (1, 9)
+
+
+def test_outputs_of_a_module_are_commanded_by_one_pdo_alone():
+    """Another one is disabled, whatever its identifier: another master could switch a valve by it."""
+    node = device("cia401")
+    server = SdoServer(node, {(0x1401, 1): 0x21A})
+    network = SimpleNamespace(send=server.send, wall_clock=False)
+    module = ModuleNode("valves", ModuleKeys.model_validate(MODULE), node, network, lambda *_: None)
+    server.answer = module.sdo.process_frame
+    module.configure(127)
+    assert server.dictionary.get(0x1401, 1) == 0x8000021A
 
 
 @every_case(

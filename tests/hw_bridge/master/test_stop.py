@@ -4,6 +4,8 @@ import pytest
 
 from hw_bridge.bus import Frame
 from hw_bridge.dictionary import State, cia301
+from hw_bridge.master import Master
+from hw_bridge.profiles import DRIVE_PROFILES
 from tests.hw_bridge.axis import Rig, node
 from twin.errors import SimulationError
 
@@ -83,3 +85,42 @@ def test_what_is_not_at_rest_stays_a_note_too(rig):
     account.record_faults_at_rest(Silent(), failed=True)
     assert account.unsafe == ["first: did not confirm."]
     assert account.unsafe[0] in account.notes, "the summary of a run has it too"
+
+
+@pytest.mark.parametrize("name", DRIVE_PROFILES)
+def test_an_error_while_a_completed_run_is_stopped_is_a_note(build, name):
+    rig = Rig(build, {"servomotor": node(name)})
+    rig.set(target_velocity=0.05)
+    rig.go(100)
+    queue = rig.session.bench.bus.event_queue
+    queue.at(queue.now + 4_000_000, lambda: rig.drive.inject(0x3210))
+    rig.session.close()
+    assert rig.drive.state is State.FAULT
+    assert not rig.drive.axis.motor.powered
+    (note,) = rig.session.outcome.notes
+    assert note.startswith("servomotor: is in Fault, ")
+    assert "3210h overvoltage" in note
+
+
+def test_a_program_that_stood_while_a_drive_homed_does_not_enable_it_again(build, monkeypatch):
+    """It misses the heartbeat and stays in Quick stop active, from where a controlword of the search would enable it."""
+    limits = {"position": ["-45 mm", "45 mm"], "velocity": "200 mm/s", "force": "8 N", "acceleration": "3 m/s^2"}
+    search = {"method": -3, "at": "-40 mm", "speed": "10 mm/s"}
+    rig = Rig(build, {"servomotor": node(limits={**limits, "following_error": "3 mm"}, homing=search)})
+    plain, states = Master.wait, []
+
+    def wait(master, duration, *arguments):
+        plain(master, duration, *arguments)
+        if master.nodes["servomotor"].homing and master.nodes["servomotor"].state is State.ENABLED and not states:
+            values, bus = rig.drive.dictionary.values, rig.session.bench.bus
+            values[0x1029, 1], values[0x605A, 0] = 1, 6  # it stays in Operational, and in Quick stop active
+            bus.advance(bus.now + 2_000_000_000)
+            states.append(rig.drive.state)
+            controlled = rig.drive._controlled
+            rig.drive.dictionary.effects[0x6040] = lambda entry: (controlled(entry), states.append(rig.drive.state))
+
+    monkeypatch.setattr(Master, "wait", wait)
+    with pytest.raises(SimulationError, match="this program stood for 2005 ms while drives were brought up"):
+        rig.go(1)
+    assert states[0] is State.QUICK_STOP
+    assert State.ENABLED not in states

@@ -136,9 +136,20 @@ def test_how_long_a_silent_drive_is_waited_for(action, heard, elapsed, timed_out
 
 
 def test_the_heartbeat_ends_for_a_drive_that_does_not_confirm():
-    """Only then: those without current are released from it before, the others need it to stop by themselves."""
-    silent, resting, braking = drive(), drive(State.DISABLED, 1), drive(State.QUICK_STOP, 1)
-    master = RecordedMaster(silent, resting, braking)
+    """Only then: those without current are released from it before, the others need it to stop by themselves.
+
+    An entry of 1016h that the run did not write stays.
+    """
+    silent, resting, braking, own = (
+        drive(),
+        drive(State.DISABLED, 1),
+        drive(State.QUICK_STOP, 1),
+        drive(State.DISABLED, 1),
+    )
+    resting.consumer_entry = 2
+    for node in (silent, resting, braking):
+        node.journal.record([ObjectChange(0x1016, node.consumer_entry, bytes(4))])
+    master = RecordedMaster(silent, resting, braking, own)
     made = Stop(master)
     master.network.now += 60 * MS
     made._end_heartbeat()
@@ -146,7 +157,7 @@ def test_the_heartbeat_ends_for_a_drive_that_does_not_confirm():
     master.network.now += MS
     made._end_heartbeat()
     assert master.beats is False
-    assert requests(master) == [(0x23, 0x1016, 1, 0)]
+    assert requests(master) == [(0x23, 0x1016, 2, 0)]
     note = "axis: did not confirm the quick stop: this program sends no heartbeat any more, so that it stops by itself."
     assert master.notes == [note]
     made._end_heartbeat()

@@ -32,7 +32,7 @@ class RecordedMaster:
             first_half_step=lambda: self.calls.append("first half"),
             second_half_step=lambda: self.calls.append("second half"),
         )
-        self.nodes, self.notes, self.lead = {"axis": node}, ["from the master."], 100
+        self.nodes, self.notes, self.fault_texts, self.lead = {"axis": node}, ["from the master."], [], 100
         self.timing = SimpleNamespace(synced=lambda sent, due: self.calls.append(("synced", sent, due)))
 
     def check(self):

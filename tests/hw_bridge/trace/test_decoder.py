@@ -234,6 +234,14 @@ def run():
     return lambda *words: CliRunner().invoke(command, ["decode", *map(str, words)])
 
 
+def test_a_count_of_mapped_objects_that_no_pdo_has_is_no_mapping():
+    """A write of four bytes to 1A00h.0, which has one."""
+    decoder = Decoder([TracedNode(1, profile("faulhaber_v3"))])
+    decoder.decode(0, Frame(0x601, b"\x23\x00\x1a\x00\xff\xff\xff\x7f"))
+    decoder.decode(1, Frame(0x581, b"\x60\x00\x1a\x00" + bytes(4)))
+    assert "mapping not in the trace" in decoder.decode(2, Frame(0x181, bytes(2))).text
+
+
 def test_on_the_command_line(recorded, run):
     path = recorded[".asc"]
     shown = run(path, "-p", "epos4", "-n", NODE).output.splitlines()
