@@ -310,7 +310,7 @@ def watch(self: HeartMotion) -> None:
 
 
 def explains_more(self: HeartMotion) -> bool:
-    """Return whether the filter leaves less of the motion than the search: the rate found is then half of the heart's, which fits as well."""
+    """Return whether the filter explains more of the motion than the search: half of a rate fits what the rate fits."""
     power = 0.0
     for i in range(HARMONICS):
         power += 0.5 * self.amplitude[i] * self.amplitude[i]
