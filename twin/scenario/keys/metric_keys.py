@@ -161,7 +161,7 @@ class Builder:
             self.existing_variants((*path, "ordered"), keys.ordered or (), what),
             keys.descending,
             self.window(path, keys, what),
-            unit,
+            keys.unit or first_unit((low, high)) or unit,
             keys.mean,
             str(self.tree.find(path).location),
             keys.ends or "",
