@@ -23,6 +23,7 @@ TASKS = (
     "tutorial/first_component.md",
     "how-to/own_controller.md",
     "how-to/import_fmus.md",
+    "how-to/export.md",
     "how-to/calibrate.md",
     "how-to/identify.md",
     "how-to/hardware.md",

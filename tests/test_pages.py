@@ -68,6 +68,7 @@ NOTEBOOKS = [  # with their outputs and their pictures
     ("tutorial/first_component", 4, 0),
     ("how-to/own_controller", 2, 0),
     ("how-to/import_fmus", 3, 0),
+    ("how-to/export", 6, 0),
     ("how-to/calibrate", 3, 0),
     ("how-to/identify", 3, 0),
     ("how-to/hardware", 1, 0),

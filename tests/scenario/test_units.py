@@ -57,6 +57,15 @@ def told(**changes: str) -> list[str]:
     return check_against(scenario(**changes), {"A": CATALOG, "B": CATALOG}, {})
 
 
+@pytest.mark.parametrize(
+    ("limit", "unit"), [("at_most: 4 bar", "bar"), ("at_most: 4e5", "kPa"), ("at_most: 4 bar, unit: Pa", "Pa")]
+)
+def test_an_expectation_shows_the_unit_of_its_limits(limit, unit) -> None:
+    metric = "signal: valve.pressure, reduce: max, unit: kPa"
+    (expectation,) = scenario(metric=metric, limit=f"metric: high, {limit}").expectations
+    assert (expectation.unit, expectation.at_most) == (unit, 4e5)
+
+
 def test_what_fits_is_fine() -> None:
     assert told() == []
     assert told(metric="signal: valve.pressure * valve.area * valve.place, reduce: max, unit: mN*m") == []
