@@ -53,6 +53,7 @@ def test_it_runs_pauses_and_steps(page):
     said(page, "paused")
     page.wait_for_timeout(300)
     before = float(re.search(r"([\d.]+) s", page.text_content("#twin-how"))[1])
+    assert page.evaluate(NEWEST) == pytest.approx(before, abs=0.0011)  # charts, picture and read-out: one time
     press(page, "one step of 1 ms")
     page.wait_for_function(f"document.querySelector('#twin-how').textContent.includes('{before + 0.001:.3f} s')")
 
@@ -80,6 +81,30 @@ def test_forces_say_whether_they_are_measured_and_charts_at_what_time(page):
     assert float(hand) == 20.0  # of a millimeter, beside 2 on the rail
     title, newest = page.locator(".twin-pane-title").first.inner_text(), page.evaluate(NEWEST)
     assert float(re.search(r" at ([\d.]+) s$", title)[1]) == pytest.approx(newest, abs=0.01)
+
+
+def test_names_in_a_vessel_cover_no_other(page):
+    """On a telephone, where letters are large: tips beside each other, targets beside each other and at the edge."""
+    overlaps, outside = page.evaluate(
+        """async () => {
+          const { drawViews } = await import("/web/views.js");
+          const signals = { vessel: "v", catheter: "c", wire: "w", catheter_tip: "ct", wire_tip: "wt" };
+          const targets = ["iliac artery", "abdominal aorta", "arch of the aorta"].map((name, k) => ({ name, at: [[0.1, 0.2, 0.5][k], 0.02], tolerance: 0.005 }));
+          const place = document.body.appendChild(document.createElement("div"));
+          place.className = "twin-views";
+          place.style.width = "330px";
+          const move = drawViews(place, [{ view: "vessel", title: "", targets, limits: {}, parts: [{ kind: "fluoroscope", signals, sizes: {} }] }]);
+          place.querySelectorAll("text").forEach((text) => (text.style.fontSize = "30px"));
+          move({ v: [[0, 0], [0.5, 0], [0.5, 0.06], [0, 0.06]], c: [[0, 0.02], [0.05, 0.02]], w: [[0, 0.02], [0.06, 0.02]], ct: [0.05, 0.02], wt: [0.06, 0.02] });
+          const boxes = [...place.querySelectorAll("text")].filter((one) => one.textContent !== "50 mm").map((one) => [one.textContent, one.getBBox()]);
+          const wide = place.querySelector("svg").viewBox.baseVal.width;
+          place.remove();
+          const apart = (a, b) => a.x + a.width <= b.x || b.x + b.width <= a.x || a.y + a.height <= b.y || b.y + b.height <= a.y;
+          return [boxes.flatMap(([name, a], k) => boxes.slice(k + 1).filter(([, b]) => !apart(a, b)).map(([other]) => [name, other])),
+                  boxes.filter(([, a]) => a.x < 0 || a.x + a.width > wide).map(([name]) => name)];
+        }"""
+    )
+    assert (overlaps, outside) == ([], [])
 
 
 def test_a_value_is_set_in_the_unit_that_is_shown(page):

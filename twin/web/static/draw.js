@@ -20,6 +20,17 @@ export function parts(view, kind) { return view.parts.filter((one) => one.kind =
 export function clamp(value, low, high) { return Math.min(Math.max(value, low), high); }
 export function say(one, text) { if (one.textContent !== text) one.textContent = text; }
 
+// put a text beside a point, inside the picture, where it covers none of the boxes of texts placed before
+export function placeText(text, [cx, cy], tall, taken, below = false) {
+  const { width, height } = text.getBBox(), x = clamp(cx, 4 + width / 2, 996 - width / 2);
+  const over = [0, 1.3].map((row) => cy - 12 - row * height), under = [0.8, 2.1].map((row) => cy + 12 + row * height);
+  const boxes = (below ? [...under, ...over] : [...over, ...under]).map((y) => ({ y, left: x - width / 2, right: x + width / 2, top: y - 0.8 * height, bottom: y + 0.2 * height }));
+  const inside = boxes.filter((one) => one.top >= 0 && one.bottom <= tall);
+  const box = inside.find((one) => !taken.some((two) => one.left < two.right && two.left < one.right && one.top < two.bottom && two.top < one.bottom)) || inside[0] || boxes[0];
+  set(text, { x, y: box.y });
+  return box;
+}
+
 // a force as a bar with its band
 export function force(svg, x, y, width, band, most = 0.6, label = "contact force") {
   const at = (value) => x + (clamp(value, 0, most) / most) * width;
