@@ -153,11 +153,11 @@ def test_a_part_is_never_rounded_to_all_of_it():
 @pytest.mark.slow
 def test_pictures_mark_what_fails_and_what_was_expected(tmp_path):
     cases = made(tmp_path, "latin_hypercube", 100, lambda u: 3.0 * u[0] + 1.0 * u[1])
-    svg = plots.histograms(cases, "force_max")
+    svg = plots.histograms(cases, "force_max", "mN")
     assert plots.BAD in svg
     assert plots.limits_of(cases.study, "plain", "force_max") == pytest.approx([0.09])
     fine = [replace(one, holds=(True, *one.holds[1:])) for one in cases.rows]
-    calm = plots.histograms(CaseTable(cases.study, cases.requests, fine), "force_max")
+    calm = plots.histograms(CaseTable(cases.study, cases.requests, fine), "force_max", "mN")
     assert calm != svg
 
 
@@ -269,7 +269,7 @@ def test_variants_are_compared_over_the_same_samples(tmp_path):
     half = 2.0 * delta.std(ddof=1) / np.sqrt(59)
     assert (pair.low, pair.high) == pytest.approx((delta.mean() - half, delta.mean() + half), abs=0.2 * half)
     texts = [sentence.text for sentence in headline(answers)]
-    pattern = rf"force_max of soft is lower than of plain in {pair.lower} of 59 samples, mean difference -\S+ mN \[-\S+, -\S+\]\."
+    pattern = rf"force_max is lower with soft than with plain in {pair.lower} of 59 samples, mean difference -\S+ mN \[-\S+, -\S+\]\."
     assert any(re.fullmatch(pattern, text) for text in texts), texts
 
 
@@ -282,10 +282,11 @@ def test_a_mean_difference_that_may_be_none_is_said(tmp_path):
 def test_few_samples_and_equal_ones_are_said(tmp_path):
     few = paired(tmp_path, [0.1, 0.2, 0.3], [0.2, 0.3, 0.3])
     assert (
-        headline(few)[1].text == "force_max of soft is higher than of plain in 2 of 3 samples, mean difference 66.7 mN."
+        headline(few)[1].text
+        == "force_max is higher with soft than with plain in 2 of 3 samples, mean difference 66.7 mN."
     )
     same = paired(tmp_path, [0.1] * 12, [0.1] * 12)
-    assert headline(same)[1].text == "force_max of soft equals that of plain in all 12 samples."
+    assert headline(same)[1].text == "force_max is the same with soft and plain in all 12 samples."
 
 
 def test_an_interval_needs_ten_random_samples(tmp_path):

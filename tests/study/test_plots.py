@@ -71,7 +71,7 @@ def test_which_cases_fail(study):
 
 def test_parallel_coordinates_scale_each_factor_to_its_span(study, drawn):
     cases = cases_of(study)
-    (axis,) = plots.parallel(cases, "force_max", "plain")
+    (axis,) = plots.parallel(cases, "force_max", "plain", "mN")
     lines = [line for line in axis.lines if len(line.get_ydata()) == 4]
     assert [color(line) for line in lines] == [plots.GOOD] * 4 + [plots.BAD] * 2
     columns = np.array([line.get_ydata() for line in lines])  # cases 1, 2, 4, 5, then 3 and 6
@@ -88,13 +88,13 @@ def test_parallel_coordinates_scale_each_factor_to_its_span(study, drawn):
 
 def test_points_and_lines_lead_to_their_cases(study, drawn):
     cases, numbers = cases_of(study), [one.number for one in study.requests()]
-    (axis,) = plots.scatter(cases, "force_max", "plain", 1)
+    (axis,) = plots.scatter(cases, "force_max", "plain", 1, "mN")
     good, bad = axis.collections
     assert good.get_urls() == [f"#case-{numbers[i]}" for i in (0, 1, 3, 4)]
     assert bad.get_urls() == [f"#case-{numbers[2]}"]  # the sixth has no value
     assert np.allclose(good.get_offsets(), np.column_stack([cases.values[[0, 1, 3, 4], 1], [20.0, 40.0, 60.0, 80.0]]))
     assert (axis.get_ylabel(), axis.lines[0].get_ydata()[0]) == ("force_max [mN]", pytest.approx(90.0))
-    (axis,) = plots.parallel(cases, "force_max", "plain")
+    (axis,) = plots.parallel(cases, "force_max", "plain", "mN")
     urls = [line.get_url() for line in axis.lines if len(line.get_ydata()) == 4]
     assert urls == [f"#case-{numbers[i]}" for i in (0, 1, 3, 4, 2, 5)]
 
@@ -110,14 +110,16 @@ def test_the_strongest_factor_is_shown(study):
 
 def test_of_many_cases_some_lines_and_all_failures_are_shown(study, drawn, monkeypatch):
     monkeypatch.setattr(plots, "LINES", 2)
-    (axis,) = plots.parallel(cases_of(study), "force_max", "plain")  # every third of six: 1 and 4; failures 3 and 6
+    (axis,) = plots.parallel(
+        cases_of(study), "force_max", "plain", "mN"
+    )  # every third of six: 1 and 4; failures 3 and 6
     assert [color(line) for line in axis.lines if len(line.get_ydata()) == 4] == [plots.GOOD] * 2 + [plots.BAD] * 2
 
 
 @pytest.mark.slow
 def test_histograms_count_all_cases_with_a_value(study, drawn):
     cases = cases_of(study, [*FORCES[:5], 0.02])
-    (axis,) = plots.histograms(cases, "force_max")
+    (axis,) = plots.histograms(cases, "force_max", "mN")
     good, all_of_them = axis.containers
     heights = {round(bar.get_x(), 6): bar.get_height() for bar in good if bar.get_height()}
     assert sum(heights.values()) == 5
@@ -130,8 +132,10 @@ def test_histograms_count_all_cases_with_a_value(study, drawn):
     assert lines.pop(90.0) == plots.BAD  # the limit
     assert sorted(lines) == pytest.approx([20.0, 50.0, 95.0])  # quantiles
     assert axis.get_xlabel() == "force_max [mN]"
-    assert plots.histograms(cases_of(study, [None] * 6), "force_max") == ""
-    (axis,) = plots.histograms(cases_of(study, [0.05] * 6), "force_max")  # all the same: a span of twice the value
+    assert plots.histograms(cases_of(study, [None] * 6), "force_max", "mN") == ""
+    (axis,) = plots.histograms(
+        cases_of(study, [0.05] * 6), "force_max", "mN"
+    )  # all the same: a span of twice the value
     assert axis.containers[0][0].get_height() == 6
     assert axis.containers[0][-1].get_x() + axis.containers[0][-1].get_width() == pytest.approx(100.0)
 

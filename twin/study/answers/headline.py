@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 MAX_SENTENCES = 3  # of a kind
 MAX_FACTORS = 2  # named as causes of a metric
+MAX_MEANING = 80  # letters of a metric's description that fits into a sentence
 VERBS = {"sobol": "explain most of", "morris": "change most", "rank": "correlate most with"}
 
 
@@ -63,31 +64,55 @@ def pair_sentences(answers: Answers) -> list[Sentence]:
     pairs = [pair for pair in answers.pairs if pair.is_expected] or [
         pair for pair in answers.pairs if pair.metric == answers.pairs[0].metric
     ]
-    return [Sentence(pair_text(answers, pair)) for pair in pairs[:MAX_SENTENCES]]
+    return [sentence(pair_text(answers, pair)) for pair in pairs[:MAX_SENTENCES]]
+
+
+def meaning(answers: Answers, metric: str) -> str:
+    """Return what a metric is, as a noun phrase: its description where that is a short phrase, else its name."""
+    text = answers.study.scenario.metrics[metric].description.strip()
+    is_phrase = 0 < len(text) <= MAX_MEANING and text[0].isalpha() and not set(";:(.") & set(text)
+    return f"the {text}{',' * (',' in text)}" if is_phrase and not text.startswith("the ") else metric
+
+
+def sentence(text: str, number: int | None = None) -> Sentence:
+    """Return a sentence with a capital letter, unless it begins with the name of a variable."""
+    word = text.split(" ", 1)[0]
+    return Sentence(text if set("._[") & set(word) else text[0].upper() + text[1:], number)
 
 
 def pair_text(answers: Answers, pair: PairedDifference) -> str:
-    """Return `force_error of B is lower than of A in 93 of 100 samples, mean difference -4.1 mN [-5.0, -3.2].`"""
+    """Return `the force error is lower with B than with A in 93 of 100 samples, mean difference -4.1 mN [-5.0, -3.2].`"""
     side, number = ("lower", pair.lower) if pair.lower >= pair.higher else ("higher", pair.higher)
     mean, interval = answers.difference(pair)
+    what = meaning(answers, pair.metric)
     if not pair.lower and not pair.higher:
-        return f"{pair.metric} of {pair.second} equals that of {pair.first} in all {pair.count} samples."
+        return f"{what} is the same with {pair.second} and {pair.first} in all {pair.count} samples."
     return (
-        f"{pair.metric} of {pair.second} is {side} than of {pair.first} in {number} of {pair.count} samples, "
+        f"{what} is {side} with {pair.second} than with {pair.first} in {number} of {pair.count} samples, "
         f"mean difference {mean}{f' {interval}' if interval else ''}{', which may be none' if pair.low <= 0.0 <= pair.high else ''}."
     )
 
 
 def cause_sentences(answers: Answers) -> list[Sentence]:
-    """Return the factors that explain a metric, of those whose effect differs from none."""
+    """Return the factors that explain a judged metric, of those whose effect differs from none; missed ones first."""
     sentences = []
-    for driver in answers.drivers:
+    judged = judged_metrics(answers)
+    for driver in sorted(
+        (one for one in answers.drivers if one.metric in judged), key=lambda one: judged.index(one.metric)
+    ):
         if names := causes(driver):
             verb = VERBS[driver.kind] if len(names) > 1 else VERBS[driver.kind].replace(" most", "s most", 1)
-            of = f"{driver.metric}{f', {driver.variant}' if len(answers.study.variants) > 1 else ''}"
-            text = f"{' and '.join(names)} {verb} {of}."
-            sentences.append(Sentence(text if "." in names[0] else text[0].upper() + text[1:]))
+            variant = f" with {driver.variant}" if len(answers.study.variants) > 1 else ""
+            sentences.append(sentence(f"{' and '.join(names)} {verb} {meaning(answers, driver.metric)}{variant}."))
     return sentences[:MAX_SENTENCES]
+
+
+def judged_metrics(answers: Answers) -> list[str]:
+    """Return the metrics of expectations, those with the lowest pass rates first; all metrics if none is judged."""
+    rates = {rate.name: rate.part for rate in sorted(answers.shares, key=lambda rate: -rate.part)}  # the lowest remains
+    judged = [each for each in answers.study.scenario.expectations if each.metric in answers.study.metrics]
+    judged.sort(key=lambda each: rates.get(each.name, 1.0))
+    return list(dict.fromkeys(each.metric for each in judged if each.metric)) or list(answers.study.metrics)
 
 
 def causes(driver: MetricSensitivity) -> list[str]:
@@ -109,7 +134,7 @@ def change_sentences(answers: Answers) -> list[Sentence]:
         if finite:
             largest = max(finite, key=lambda change: abs(change.now - change.before))
             before, now = (answers.metric(metric, value) for value in (largest.before, largest.now))
-            text = f"{answers.change(largest)} changes {metric} most, from {before} to {now} (case {largest.number})."
+            text = f"{answers.change(largest)} changes {meaning(answers, metric)} most, from {before} to {now} (case {largest.number})."
             sentences.append(Sentence(text, largest.number))
     return sentences[:MAX_SENTENCES]
 

@@ -75,7 +75,7 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
     study = outcome.study
     searched = [] if outcome.worst is None else [outcome.worst.number]
     listed = tables.named(answers, EXAMPLES, [*outcome.runs, *searched])
-    metrics = {name: metric.unit for name, metric in study.scenario.metrics.items()}
+    metrics = {name: each.unit for name, each in answers.formats.items()}
     text: str = environment.get_template("study.html").render(
         outcome=outcome,
         study=study,
@@ -162,6 +162,9 @@ def pictures(outcome: StudyOutcome, answers: Answers) -> dict[str, list[tuple[st
     study, cases = outcome.study, outcome.cases
     figures: dict[str, list[tuple[str, str, str]]] = {}
 
+    def unit(metric: str) -> str:
+        return answers.formats[metric].unit
+
     def add(group: str, *figure: str) -> None:
         title, note, svg = figure
         figures.setdefault(group, []).append((title, note, svg))
@@ -173,7 +176,7 @@ def pictures(outcome: StudyOutcome, answers: Answers) -> dict[str, list[tuple[st
     if study.design.method != "one_at_a_time":
         note = f"dotted: {', '.join(map(percent, study.keys.quantiles))}; red: cases in which anything fails"
         for spread in first_of(answers):
-            add(spread.metric, "Distribution", note, plots.histograms(cases, spread.metric))
+            add(spread.metric, "Distribution", note, plots.histograms(cases, spread.metric, unit(spread.metric)))
     if study.design.method not in ("one_at_a_time", "grid") and study.factors:
         for spread in first_of(answers)[:2]:
             for variant in study.variants:
@@ -181,13 +184,15 @@ def pictures(outcome: StudyOutcome, answers: Answers) -> dict[str, list[tuple[st
                     k = strongest(answers, spread.metric, variant)
                     title = f"{variant}, over {study.factors[k].name}"
                     note = "a case a point; red: something fails. Click: the case"
-                    add(spread.metric, title, note, plots.scatter(cases, spread.metric, variant, k))
+                    add(
+                        spread.metric, title, note, plots.scatter(cases, spread.metric, variant, k, unit(spread.metric))
+                    )
                     note = "a case a line; red: something fails. Click: the case"
                     add(
                         spread.metric,
                         f"{variant}, over all factors",
                         note,
-                        plots.parallel(cases, spread.metric, variant),
+                        plots.parallel(cases, spread.metric, variant, unit(spread.metric)),
                     )
     return figures
 
@@ -214,7 +219,7 @@ def tornados(answers: Answers) -> list[tuple[str, str]]:
     figures = []
     for name in dict.fromkeys(change.metric for change in answers.changes):
         own = [change for change in answers.changes if change.metric == name]
-        unit = answers.study.scenario.metrics[name].unit
+        unit = answers.formats[name].unit
         figures.append((name, plots.tornado(own, unit, name, [answers.change(change) for change in own])))
     return figures
 

@@ -28,7 +28,7 @@ BAD, GOOD = "#b42335", "#0b62a4"
 BANDS = (0.0, 0.05, 0.25, 0.75, 0.95, 1.0)
 
 
-def parallel(cases: CaseTable, metric: str, variant: str) -> str:
+def parallel(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
     """Each case a line through its factors to a metric; those that fail, and the worst, in red."""
     study = cases.study
     case_indices = cases.where(SAMPLED, variant)
@@ -38,7 +38,6 @@ def parallel(cases: CaseTable, metric: str, variant: str) -> str:
     shown = sorted(set(case_indices[::every]) | set(failed[:LINES]))
     own, axes_of = cases.values, [(factor.name, k, 1.0, factor.unit) for k, factor in enumerate(study.factors)]
     columns = [own[shown, k] for _, k, _, _ in axes_of]
-    unit = study.scenario.metrics[metric].unit
     factor, offset = si_conversion(unit)
     columns.append((cases.metric(metric)[shown] - offset) / factor)
     labels = [(name, axis_unit) for name, _, _, axis_unit in axes_of] + [(metric, unit)]
@@ -73,11 +72,10 @@ def parallel(cases: CaseTable, metric: str, variant: str) -> str:
     return figure_files.render_svg((9.2, 4.2), f"parallel {metric} {variant}", paint)
 
 
-def scatter(cases: CaseTable, metric: str, variant: str, factor: int) -> str:
+def scatter(cases: CaseTable, metric: str, variant: str, factor: int, unit: str) -> str:
     """Each case a point, linked to it: a metric over a factor, by its number; those that fail in red."""
     study, own = cases.study, cases.where(SAMPLED, variant)
     is_bad = failing(cases)
-    unit = study.scenario.metrics[metric].unit
     scale, offset = si_conversion(unit)
     values = (cases.metric(metric) - offset) / scale
     cases_by_verdict = {
@@ -117,10 +115,9 @@ def limits_of(study: Study, variant: str, metric: str) -> list[float]:
     return [limit for expectation in own for limit in (expectation.at_least, expectation.at_most) if limit is not None]
 
 
-def histograms(cases: CaseTable, metric: str) -> str:
+def histograms(cases: CaseTable, metric: str, unit: str) -> str:
     """Draw histograms of a metric, one row per variant on a common axis; red: cases that fail in anything."""
     study = cases.study
-    unit = study.scenario.metrics[metric].unit
     factor, offset = si_conversion(unit)
     values, is_bad = (cases.metric(metric) - offset) / factor, np.array(failing(cases))
     case_indices = {variant: np.array(cases.where(SAMPLED, variant), int) for variant in study.variants}
