@@ -141,7 +141,9 @@ def calibrate(
     try:
         parameters, fits = module.calibrate(tables)
     except TwinError as error:
-        constant = [f"{n}.{column}" for n, t in tables.items() for column, v in t.items() if len(v) > 1 and not np.ptp(v)]
+        constant = [
+            f"{n}.{column}" for n, t in tables.items() for column, v in t.items() if len(v) > 1 and not np.ptp(v)
+        ]
         raise TwinError(f"{error} The same in all rows: {', '.join(constant)}." if constant else str(error)) from None
     names = {variable.name for variable in cls.variables}
     assert names.issuperset(parameters), f"{shown}: calibrate gave {set(parameters) - names}"
