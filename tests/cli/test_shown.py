@@ -173,7 +173,7 @@ def study_outcome():
         cases=SimpleNamespace(rows=[0] * 30),
         before=10,
         seconds=4.0,
-        worst=SimpleNamespace(metric="force", variant="PI", value=9.0, number=3, sampled=7.0),
+        worst=SimpleNamespace(metric="force", variant="PI", value=9.0, number=3, sampled=7.0, remark=""),
         tuned=SimpleNamespace(
             best=SimpleNamespace(knobs=[2.0]),
             trials=[0] * 5,

@@ -13,7 +13,7 @@ from tests.c_compilers import CLANG, linking
 from tests.matrix import some
 from twin import compiler
 from twin.compiler import library, zig
-from twin.component import Component, catalog, input, output, parameter
+from twin.component import Component, Int64, catalog, input, local, output, parameter
 from twin.errors import BuildError, TwinError
 from twin.run import resolve_catalogs
 from twin.scenario import group, load_scenario
@@ -330,3 +330,41 @@ def test_nothing_is_overwritten(folder, build, tmp_path):
     assert (tmp_path / "README.txt").read_text() == "somebody's own"
     with pytest.raises(TwinError, match=r"sheath\.h is there already"):
         library.export(catalog.component("sheath"), "sheath", folder, build, ("x86_64-linux",), force=False)
+
+
+class Overflowing(Component):
+    """Counts over the end of its type, where C has no rule of its own."""
+
+    period = 1e-3
+    count = local(2**63 - 4, "", "steps", type=Int64)
+    is_over = output("", "whether the count has wrapped around", start=False)
+
+    def step(self, t, h):
+        count = self.count + 1
+        self.is_over = count < self.count
+        self.count = count
+
+
+OVERFLOWING = """
+#include "Overflowing.h"
+#include <stdio.h>
+int main(void) {
+    Overflowing_t part;
+    Overflowing_init(&part);
+    Overflowing_start(&part, 0.0);
+    for (int k = 0; k < 6; k++) { Overflowing_step(&part, 1e-3 * k, 1e-3); putchar('0' + part.is_over); }
+    return 0;
+}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler")
+def test_from_source_whole_numbers_wrap_around_as_in_the_libraries(tmp_path, build):
+    """With the command of README.txt."""
+    library.export(Overflowing, "Overflowing", tmp_path, build, (compiler.host(),), force=False)
+    (tmp_path / "main.c").write_text(OVERFLOWING)
+    (command,) = (line.split() for line in library.README.splitlines() if "-c NAME.c" in line)
+    for last in (["main.c", "Overflowing.c"], ["main.c", f"{compiler.host()}/libOverflowing.a"]):
+        subprocess.run([*command[:-2], *last, "-lm", "-o", "main"], cwd=tmp_path, check=True)
+        assert subprocess.run([tmp_path / "main"], capture_output=True, text=True, check=True).stdout == "000100"

@@ -221,6 +221,17 @@ def test_what_cannot_be_declared_is_refused_with_the_class(body, message):
         ({"step": lambda self, t: None}, "Odd.step: expected step(self, t, h). Write it so."),
         ({"derivatives": lambda self, t, h: None}, "Odd.derivatives: expected derivatives(self, t). Write it so."),
         ({**STEP, "initialize": lambda self, t: None}, "Odd.initialize: expected initialize(self). Write it so."),
+        (
+            {"step": lambda self, t, h: 3 if t > h else 0},
+            (
+                "Odd.step: returns a value, which is a status only if it is declared. "
+                "Write step(self, t, h) -> int, or return nothing."
+            ),
+        ),
+        (
+            {"derivatives": lambda self, t: 3},
+            "Odd.derivatives: returns a value, which is lost. Only step returns a status.",
+        ),
     ],
 )
 def test_functions_that_do_not_fit_are_refused_when_they_are_needed(body, message):

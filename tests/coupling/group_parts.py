@@ -17,6 +17,18 @@ class Gain(Component):
         self.y = self.gain * self.u
 
 
+class Counter(Component):
+    """Counts its steps of 3 ms."""
+
+    period = 3e-3
+    y = output("", "steps published")
+    unread = output("", "the same, read by no member")
+
+    def step(self, t, h):
+        self.y = self.y + 1.0
+        self.unread = self.y
+
+
 class Watch(PythonComponent):
     """Lives in Python."""
 

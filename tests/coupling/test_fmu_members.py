@@ -132,3 +132,14 @@ def test_a_refused_value_is_named(refusing, build):
     ):
         simulation.members["part"].get("y")
     simulation.terminate()
+
+
+@pytest.mark.parametrize("stop", [9, 10, 11])
+def test_the_last_step_of_a_member_may_end_after_the_run(build, stop):
+    """An FMU that communicates every 3 ms gets a stop time that its last step does not pass."""
+    members = {"echo": FMUMember("echo", exporter.build(Echo, "3.0", build / "tests"))}
+    simulation = CoSimulation(members, [], MS, build=build, periods={"echo": 3 * MS})
+    simulation.initialize(0, stop * MS)
+    simulation.advance(stop * MS)
+    assert simulation.time == stop * MS
+    simulation.terminate()

@@ -158,6 +158,19 @@ def test_a_whole_loop_may_be_grouped_and_its_parts_know_what_they_hang_on():
     }
 
 
+def test_outputs_of_slow_members_change_when_they_are_published():
+    """Also those that no member reads, which are local variables of the group."""
+    text = "stop_time: 9 ms\nstep: 1 ms\nmembers: {n: {component: 'tests.coupling.group_parts:Counter'}, a: {component: 'tests.coupling.group_parts:Gain'}}\nconnections: [n.y -> a.u]\n"
+    scenario = parse_scenario(text)
+    part = group("g", scenario.cases()[0], resolve_catalogs(scenario)["base"], ["n", "a"])()
+    part.start(0.0)
+    seen = []
+    for tick in range(7):
+        part.advance(tick * 1e-3, 1e-3)
+        seen.append((float(part.views["n.y"]), float(part.views["n.unread"])))
+    assert seen == [(0, 0), (0, 0), (1, 1), (1, 1), (1, 1), (2, 2), (2, 2)]
+
+
 @pytest.mark.slow
 def test_fmpy_simulates_a_group_like_the_project_does(tmp_path, build):
     scenario = load_scenario("scenarios/heart_wall_force.yaml")

@@ -185,6 +185,45 @@ def test_a_fit_of_the_play_is_judged_by_its_error_in_mm(tmp_path):
     assert "warning: linear.handle_mm spans 0.787 mm" in inches
 
 
+def test_repeated_readings_are_one(tmp_path):
+    """Each place read twice, or some, for the noise: no reversals, and as many moves."""
+    results = []
+    for repeats in (1, 2, [1, 2, 3] * 5):
+        table = {name: np.repeat(values, repeats) for name, values in (("handle_mm", HANDLE), ("tip_mm", TIP))}
+        parameters, fits = calibrate.calibrate({"linear": table})
+        results.append((parameters, len(fits["reversal"].used)))
+        assert np.array_equal(table["tip_mm"][fits["reversal"].used], np.array(TIP)[[4, 7, 9, 10, 11, 12, 14]])
+    assert results[0] == results[1] == results[2]
+
+
+PULL = np.arange(0.0, 9.1, 0.5)
+WAY = np.maximum(PULL - 1.0, 0.0) ** 2 / 8.0
+STEPS = np.array([1600.0, -1600.0] * 3)
+
+
+@pytest.mark.parametrize(
+    ("table", "values", "message"),
+    [
+        ("linear", (HANDLE, np.full(15, 3.0)), "Take more, at more places. The same in all rows: linear.tip_mm."),
+        (
+            "deflection",
+            (PULL[6:], WAY[6:] - WAY[6], -WAY[6:]),
+            "from the first pull on, 3 mm, so the wire was not slack",
+        ),
+        ("deflection", (PULL, WAY, WAY), "z_mm rises with the pull, expected to fall"),
+        ("steppers", (STEPS, np.full(6, 7.7)), "steppers: 0 mm per revolution of 1600 steps, expected 0.1 to 100 mm"),
+        ("steppers", (STEPS, STEPS * 7.7e-3 / 1600), "steppers: 0.0077 mm per revolution"),
+    ],
+)
+def test_readings_that_mean_something_else_are_refused(table, values, message, tmp_path):
+    path = tmp_path / "a.csv"
+    rows = [",".join(calibrate.TABLES[table]), *(",".join(map(str, row)) for row in zip(*values, strict=True))]
+    path.write_text("\n".join(rows))
+    with pytest.raises(TwinError) as error:
+        run("coordinate_feedforward", f"{table}={path}", "-o", tmp_path / "out.yaml")
+    assert message in str(error.value)
+
+
 @pytest.mark.slow
 def test_standard_errors_are_the_spread_of_repeated_calibrations():
     """Of 200 tables of a guide with play and noisy readings: the stated errors are the deviation from table to table."""

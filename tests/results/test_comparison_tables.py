@@ -23,9 +23,9 @@ from twin.results.comparison import (
     largest_difference,
     list_missing,
     missing_signals,
-    resample,
 )
 from twin.results.recording.run_folder import RecordedVariable
+from twin.results.resampling import resample
 
 INF, NAN = np.inf, np.nan
 TIME = np.array([0.0, 1.0, 2.0, 3.0])
@@ -125,6 +125,33 @@ def test_the_verdict_does_not_depend_on_the_order_of_the_recordings(times: Any, 
     )
     assert forth.value == back.value == value
     assert (forth.part, forth.time) == (back.part, back.time)
+
+
+COARSE, FINE = np.arange(11) / 10, np.arange(101) / 100
+
+
+@every_case(
+    ("coarse", "fine", "value"),
+    [
+        (np.sin(9 * COARSE), np.sin(9 * FINE), None),  # peaks between the samples of the coarser one
+        (0 * COARSE, 0 * FINE + 5.0 * (np.arange(101) == 44), 5.0),
+        (np.sin(9 * COARSE), np.sin(9 * FINE) + 5.0 * (np.arange(101) == 44), pytest.approx(4.5, abs=0.5)),
+        (0 * COARSE, np.where(np.arange(101) == 44, np.nan, 0.0), INF),
+        (COARSE > 0.7, (FINE > 0.7) | (np.arange(101) == 44), 1.0),  # a pulse
+        (COARSE > 0.7, FINE > 0.73, None),  # switches between two samples
+    ],
+)
+def test_a_spike_between_the_samples_of_the_coarser_recording_is_a_difference(
+    coarse: Any, fine: Any, value: float | None
+) -> None:
+    """What a smooth curve may do between two samples, or a switch at another time between them, is none."""
+    signals = [Signals(t, {"a.x": x}, {}) for t, x in ((COARSE, coarse), (FINE, fine))]
+    for pair in (signals, signals[::-1]):
+        found = largest_difference("a.x", ("PI", 3), pair[0], pair[1], 1e-9)
+        if value is None:
+            assert found.value < 1e-9
+        else:
+            assert (found.value, found.time) == (value, FINE[44])
 
 
 def test_what_is_no_real_number_keeps_its_value_until_the_next_sample() -> None:

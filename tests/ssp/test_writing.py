@@ -196,6 +196,29 @@ def test_a_component_in_python_is_no_fmu_for_others(bench):
         pack(load_scenario(own), bench.folder / "a.ssp", bench.build)
 
 
+def test_a_component_in_python_needs_python_there(bench):
+    """With `--needs-python` its FMU is written, here of FMI 2.0."""
+    own, target = bench.folder / "pymunk.yaml", bench.folder / "pymunk.ssp"
+    own.write_text("stop_time: 20 ms\nmembers: {a: {component: 'tests.run.pymunk_parts:Puck'}}\n")
+    pack(load_scenario(own), target, bench.build, needs_python=True)
+    with zipfile.ZipFile(target) as archive:
+        assert b"needsExecutionTool" in zipfile.ZipFile(io.BytesIO(archive.read("resources/a.fmu"))).read(
+            "modelDescription.xml"
+        )
+
+
+@pytest.mark.parametrize("needs_python", [False, True])
+def test_a_csv_file_is_no_fmu(bench, needs_python):
+    """The advice is not to change the class of a component, which there is none of."""
+    (bench.folder / "table.csv").write_text("time,y\n0,0\n1,1\n")
+    own = bench.folder / "csv.yaml"
+    own.write_text("stop_time: 20 ms\nmembers: {a: {component: table.csv}}\n")
+    with pytest.raises(
+        ScenarioError, match=r"csv.yaml:2: member `a`: .*table.csv is a CSV file, which FMUs cannot contain. Remove"
+    ):
+        pack(load_scenario(own), bench.folder / "csv.ssp", bench.build, needs_python=needs_python)
+
+
 @pytest.mark.slow
 def test_bonds_and_control_characters(bench):
     own = bench.folder / "bond.yaml"

@@ -5,8 +5,8 @@ import pytest
 from tests.every_case import every_case
 from tests.study.recordings import identify_file
 from twin.identify.recordings.reader import KeyReader, member_of
-from twin.identify.recordings.schema import RangeKeys, files, probability
-from twin.scenario import read
+from twin.identify.recordings.schema import IdentifyKeys, RangeKeys, files, probability
+from twin.scenario import read, validate
 
 
 @every_case(
@@ -82,3 +82,15 @@ def test_no_probability(value):
 )
 def test_files_by_their_paths(value, expected):
     assert files(value) == expected
+
+
+@pytest.mark.parametrize("data", ["{a.csv: {gap: 2 s}}", "5", "[{file: a.csv, gaps: 2 s}]"])
+def test_a_wrong_single_entry_leaves_the_other_keys(data, tmp_path):
+    """A file stands for a list of one; its mistakes are not that all other keys are missing."""
+    path = tmp_path / "a.yaml"
+    path.write_text(f"title: kept\ndata: {data}\n")
+    problems = []
+    keys, _, found = validate(read(path, "a.yaml", problems), IdentifyKeys)
+    assert keys.title == "kept"
+    assert problems == []
+    assert [line.startswith("a.yaml:2: data[1]") for line in found] == [True]

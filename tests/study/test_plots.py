@@ -345,6 +345,7 @@ def test_sections_of_searches(tmp_path, drawn):
         "variant": "plain",
         "value": "120 mN",
         "sampled": "100 mN",
+        "remark": "",
         "number": 7,
         "evaluations": 48,
         "values": [("heart.rate", "1.5 Hz"), ("heart.scale", "1.2"), ("bent end", "1")],

@@ -13,7 +13,7 @@ from twin.study import load_study
 from twin.study.execution.case_engine import Row
 from twin.study.execution.study_runner import expected
 from twin.study.execution.tuning import BAD, TUNE, UNSEEN, Trial, excess, fresh, judged, own, statistic, trial_requests
-from twin.study.execution.worst_case_search import search_worst
+from twin.study.execution.worst_case_search import WorstCase, search_worst
 
 TUNED = (
     STUDY.replace("\nkeep:", "\nvariants: [plain]\nkeep:")
@@ -178,3 +178,19 @@ def test_cases_of_a_trial_have_the_seeds_of_the_samples_and_unseen_ones_others(t
     assert fresh(study).shape == study.design.values.shape
     assert not np.isin(fresh(study), study.design.values).any()
     assert own(study, "plain") == (pytest.approx(0.05, abs=0.05),)
+
+
+@pytest.mark.parametrize(
+    ("goal", "value", "sampled", "is_worse"),
+    [
+        ("max", 1.0, 2.0, True),
+        ("max", 2.0, 1.0, False),
+        ("min", 1.0, 2.0, False),
+        ("min", 2.0, 1.0, True),
+        ("max", np.nan, 2.0, False),  # the case failed, which is worse than any value
+        ("max", 1.0, np.nan, False),  # no sample has a value
+    ],
+)
+def test_a_sample_that_is_worse_than_the_search_is_told(goal, value, sampled, is_worse):
+    worst = WorstCase("m", "base", goal, 1, value, (), sampled, 8, 9)
+    assert ("raise `evaluations`" in worst.remark) is is_worse

@@ -245,9 +245,10 @@ def show_search(outcome: StudyOutcome, answers: Answers, console: Console) -> No
     """Print the worst case and the result of tuning."""
     worst, tuned, keys = outcome.worst, outcome.tuned, outcome.study.keys.tune
     if worst is not None:
+        value = answers.metric(worst.metric, worst.value) if math.isfinite(worst.value) else "has no value"
         console.print(
-            f"worst: {worst.metric} of {worst.variant} {answers.metric(worst.metric, worst.value)} in case {worst.number}; "
-            f"worst random case {answers.metric(worst.metric, worst.sampled)}"
+            f"worst: {worst.metric} of {worst.variant} {value} in case {worst.number}; "
+            f"worst random case {answers.metric(worst.metric, worst.sampled)}{worst.remark}"
         )
     if tuned is None or keys is None:
         return

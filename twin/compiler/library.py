@@ -49,8 +49,9 @@ outside of the bounds that NAME.h states, or a time that does not go on. Test ou
 component acts at multiples of its period (period_ns in NAME.c) that lie within a step. Steps of one period are what was tested.
 
 From source:
-  cc -std=c11 -O2 -ffp-contract=off -c NAME.c
+  cc -std=c11 -O2 -ffp-contract=off -fwrapv -c NAME.c
 Without -ffp-contract=off some compilers join a product and a sum, which rounds once instead of twice. No fast-math.
+Without -fwrapv whole numbers that overflow may be anything; with it they wrap around, as in the libraries.
 
 With the library:
 x86_64-linux   cc main.c x86_64-linux/libNAME.a -lm

@@ -24,6 +24,7 @@ An instance is the interpreted form: set inputs, call `start` and `advance`, rea
 
 from __future__ import annotations
 
+import dis
 import inspect
 from collections.abc import Iterable
 from typing import Any, ClassVar
@@ -259,6 +260,18 @@ def evaluation(cls: type[Component]) -> solver.Function | None:
     return None if derivatives is None or issubclass(cls, PythonComponent) else solver.evaluation(derivatives)
 
 
+def returns_value(function: Any) -> bool:
+    """Whether a function has a return statement with another value than None."""
+    previous = None
+    for instruction in dis.get_instructions(function) if hasattr(function, "__code__") else ():
+        constant = previous if instruction.opname == "RETURN_VALUE" else instruction
+        is_none = constant is not None and constant.opname in ("LOAD_CONST", "RETURN_CONST") and constant.argval is None
+        if instruction.opname.startswith("RETURN_") and instruction.opname != "RETURN_GENERATOR" and not is_none:
+            return True
+        previous = instruction
+    return False
+
+
 def build_functions(cls: type[Component]) -> tuple[solver.Function, solver.Function]:
     """Combine a component's own functions with its method and period."""
     derivatives = getattr(cls, "derivatives", None)
@@ -270,11 +283,21 @@ def build_functions(cls: type[Component]) -> tuple[solver.Function, solver.Funct
             raise DeclarationError(
                 f"{cls.__name__}.{name}: expected {name}({', '.join(ARGUMENTS[name])}). Write it so."
             )
+        if name == "derivatives" and returns_value(call) and not issubclass(cls, PythonComponent):
+            raise DeclarationError(
+                f"{cls.__name__}.{name}: returns a value, which is lost. Only step returns a status."
+            )
     if derivatives is not None and cls.period_ns:
         raise DeclarationError(f"{cls.__name__}: a continuous component has no period. Drop it, or use step.")
     size = cls.layout.state_size
     if step is not None:
-        advance = solver.discrete_advance(step, inspect.signature(step).return_annotation in (int, "int"))
+        is_status = inspect.signature(step).return_annotation in (int, "int")
+        if not is_status and returns_value(step):
+            raise DeclarationError(
+                f"{cls.__name__}.step: returns a value, which is a status only if it is declared. "
+                "Write step(self, t, h) -> int, or return nothing."
+            )
+        advance = solver.discrete_advance(step, is_status)
         if cls.period_ns:
             advance = solver.sampled_advance(advance, cls.period_ns, inputs_of(cls.variables))
     elif size:

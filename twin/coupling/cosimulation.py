@@ -148,8 +148,8 @@ class CoSimulation(StepFailures):
                 member.early = member.early or name not in self._slow
         for name, member in self.members.items():
             self._guard(name, "instantiation", member.instantiate)
-        end = None if stop is None else clock.seconds(stop)
         for name, member in self.members.items():
+            end = initialization.end_of_last_step(start, stop, self.periods[name])
             self._guard(name, "initialization", partial(member.enter_initialization, clock.seconds(start), end))
         try:
             initialization.solve_initialization(self.members, self.links)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin import clock
 from twin.coupling.execution import string_binary_links
 from twin.coupling.fixed_point import FixedPoint
 from twin.coupling.system import ResolvedConnection, direct_followers, is_real
@@ -22,6 +23,14 @@ Key = tuple[str, str]
 TOLERANCE = 1e-10  # relative change of a loop's values at which the iteration ends
 ITERATIONS = 50
 SMALLEST = 1e-6  # magnitude below which the steps of the Jacobian's differences are not reduced further
+
+
+def end_of_last_step(start: clock.Time, stop: clock.Time | None, period: clock.Time) -> float | None:
+    """Return the stop time of a member [s]: the end of its last step, which may lie after that of the run.
+
+    A member that communicates less often begins a step before the run ends; an FMU refuses steps beyond its stop time.
+    """
+    return None if stop is None else clock.seconds(start - (start - stop) // period * period)
 
 
 def solve_initialization(members: Mapping[str, Member], links: list[ResolvedConnection]) -> None:

@@ -138,7 +138,13 @@ def calibrate(
         if name not in module.TABLES:
             raise TwinError(f"{name}={path}: {shown} has no table {name!r}. Its tables: {', '.join(module.TABLES)}.")
         tables[name] = read_table(path, module.TABLES[name], aliases.get(name, {}))
-    parameters, fits = module.calibrate(tables)
+    try:
+        parameters, fits = module.calibrate(tables)
+    except TwinError as error:
+        constant = [
+            f"{n}.{column}" for n, t in tables.items() for column, v in t.items() if len(v) > 1 and not np.ptp(v)
+        ]
+        raise TwinError(f"{error} The same in all rows: {', '.join(constant)}." if constant else str(error)) from None
     names = {variable.name for variable in cls.variables}
     assert names.issuperset(parameters), f"{shown}: calibrate gave {set(parameters) - names}"
     hints = [

@@ -12,6 +12,7 @@ from twin.errors import CouplingError, TwinError, nearest
 from twin.results.recording.run_folder import RecordedVariable
 from twin.results.recording.signal_reader import list_recorded_variables, read_variables
 from twin.results.recording.signals import format_value, si_conversion
+from twin.results.resampling import common_times, excursion, resample
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
     from twin.results.recording.signals import Signals
 
 MAX_VALUES_IN_MEMORY = 20_000_000  # numbers of one file in memory
+DIFFERENT_TIMES = (
+    "sample times differ; compared at those of the coarser recording. Between them counts what leaves the range of the "
+    "two neighboring samples, of real numbers by more than the signal's largest step between samples."
+)
 
 
 @dataclass(frozen=True)
@@ -156,7 +161,7 @@ def compare_runs(
             a, b = read[0][case], read[1][case]
             where = f"{case[0]}, seed {case[1]}"
             if not np.array_equal(a.time, b.time):
-                notes[f"{where}: sample times differ; compared at those of the coarser recording."] = None
+                notes[f"{where}: {DIFFERENT_TIMES}"] = None
                 if (entry := describe_length_difference(a.time, b.time)) and (
                     problem := f"{where}: {entry}"
                 ) not in problems:
@@ -235,33 +240,29 @@ def largest_difference(name: str, case: tuple[str, int], a: Signals, b: Signals,
     time = common_times(own_times, other_times)
     if not len(time):
         return Difference(*where, np.inf, np.inf)
+    recordings = ((own_times, x), (other_times, y))
+    excursions = [
+        excursion(time, *recordings[1 - i], *recordings[i], is_real)
+        for i in (0, 1)
+        if not np.array_equal(time, recordings[i][0])
+    ]
     x, y = (
         values if np.array_equal(time, times) else resample(time, times, values, is_real)
-        for times, values in ((own_times, x), (other_times, y))
+        for times, values in recordings
     )
     same = (x == y) | (np.isnan(x) & np.isnan(y))
     with np.errstate(invalid="ignore"):
         distance = np.where(same, 0.0, np.abs(x - y))
     distance = np.where(np.isnan(distance), np.inf, distance)
     distance = distance.reshape(len(distance), -1).max(axis=1, initial=0.0)
+    time = np.concatenate([time, *(times for times, _ in excursions)])
+    distance = np.concatenate([distance, *(values for _, values in excursions)])
+    order = np.argsort(time, kind="stable")
+    time, distance = time[order], distance[order]
     value = float(distance.max())
     size = max((float(np.max(np.abs(array[np.isfinite(array)]), initial=0.0)) for array in (x, y)), default=0.0)
     part = 0.0 if value == 0 else value / size if size else np.inf
     return Difference(*where, value, part, float(time[np.argmax(distance > tolerance * size)]), unit)
-
-
-def common_times(first: Any, second: Any) -> Any:
-    """Return the times at which two recordings are compared: samples of the coarser recording while both are recorded.
-
-    Of two that are equally fine, the samples of both. The order of the two makes no difference.
-    """
-    if np.array_equal(first, second) or not (len(first) and len(second)):
-        return first if len(first) <= len(second) else second
-    begin, end = max(first[0], second[0]), min(first[-1], second[-1])
-    inner = [times[(times >= begin) & (times <= end)] for times in (first, second)]
-    if len(inner[0]) == len(inner[1]):
-        return np.union1d(*inner)
-    return min(inner, key=len)
 
 
 def is_convertible(first: str, second: str) -> bool:
@@ -279,19 +280,6 @@ def to_si(values: Any, unit: str) -> Any:
     factor, offset = si_conversion(unit)
     values = np.asarray(values, np.float64)
     return values if (factor, offset) == (1.0, 0.0) else values * factor + offset
-
-
-def resample(time: Any, own_times: Any, values: Any, is_real: bool) -> Any:
-    """Return values at other times: interpolated linearly, or the previous value of integers and Booleans."""
-    if not is_real:
-        return values[np.clip(np.searchsorted(own_times, time, side="right") - 1, 0, None)]
-    columns = values.reshape(len(values), -1)
-    result = (
-        np.stack([np.interp(time, own_times, column) for column in columns.T], 1)
-        if columns.size
-        else columns[: len(time)]
-    )
-    return result.reshape(len(time), *values.shape[1:])
 
 
 def compare_summaries(

@@ -191,6 +191,10 @@ def build_fmu(
             fmu_path = Path(component)
         else:
             component_class = catalog.component(component) if isinstance(component, str) else component
+            if spec.component.endswith(fmi.csv_source.SUFFIX):
+                raise ScenarioError(
+                    f"{spec.component} is a CSV file, which FMUs cannot contain. Remove this member, and connect the table in the other tool."
+                )
             fmu_path = Path(folder) / f"{name}.fmu"
             names = {
                 v.name: f"der({v.name.removeprefix('der_')})"
@@ -198,7 +202,7 @@ def build_fmu(
                 if v.role == "derivative"
             }
             if needs_python and issubclass(component_class, PythonComponent):
-                fmi.pythonic.export(component_class, version, fmu_path)
+                fmi.pythonfmu_export.export(component_class, version, fmu_path)
             else:
                 fmi.exporter.export(component_class, version, fmu_path, build, platforms)
         member = fmi.FMUMember(name, fmu_path)

@@ -48,6 +48,7 @@ STROKES = {"handle_mm": COUPLING_TRAVEL, "tip_mm": COUPLING_TRAVEL, "pull_mm": 9
 
 STILL = 0.15  # deflection [mm] that counts as none
 CLEAR = 1.6  # a move is surely beyond the play if it is longer than the reversal's offset by this factor
+LEADS = 0.1, 100.0  # travel per revolution [mm] of lead screws that are in use
 BEYOND = 1.25  # a reading is counted as beyond it, where few readings are left
 
 
@@ -129,6 +130,11 @@ def fit_steppers(table: Mapping[str, Values]) -> dict[str, Fit]:
         raise CalibrationError(f"steppers: {len(used)} moves with steps. Take at least 2, in both directions.")
     per_revolution = distance[used] / steps[used] * 1600.0
     lead = float(np.mean(per_revolution))
+    if not LEADS[0] <= lead <= LEADS[1]:
+        raise CalibrationError(
+            f"steppers: {lead:.3g} mm per revolution of 1600 steps, expected {LEADS[0]:g} to {LEADS[1]:g} mm. "
+            "Check signs and units of steps and distance_mm."
+        )
     deviation = float(np.std(per_revolution, ddof=1))
     predicted, error = steps[used] * lead / 1600.0, deviation / float(np.sqrt(len(used)))
     span = float(np.ptp(distance))
@@ -141,7 +147,8 @@ def fit_linear(table: Mapping[str, Values]) -> dict[str, Fit]:
     Only moves that leave the play behind count: a reversal shorter than it says nothing about the line, nor does the
     move after such a one.
     """
-    handle, tip = np.diff(table["handle_mm"]), np.diff(table["tip_mm"])
+    rows = np.flatnonzero(np.diff(table["handle_mm"], prepend=np.nan) != 0.0)  # without readings that repeat the last
+    handle, tip = (np.diff(table[column][rows]) for column in ("handle_mm", "tip_mm"))
     travel, direction = np.abs(handle), np.sign(handle)
     reversal = np.zeros(len(travel), bool)
     reversal[1:] = direction[1:] != direction[:-1]
@@ -154,12 +161,12 @@ def fit_linear(table: Mapping[str, Values]) -> dict[str, Fit]:
     ready = np.zeros(len(travel), bool)
     ready[1:] = clear[:-1]
     changed = np.flatnonzero(reversal & clear & ready)
-    same = np.flatnonzero(~reversal & ready & (travel > 0))
+    same = np.flatnonzero(~reversal & ready)
     motion = table["tip_mm"]
     undershoot = least_squares(
-        [travel[changed], np.ones(len(changed))], -difference[changed], changed + 1, "linear, reversals", motion
+        [travel[changed], np.ones(len(changed))], -difference[changed], rows[changed + 1], "linear, reversals", motion
     )
-    overshoot = least_squares([travel[same]], difference[same], same + 1, "linear, same direction", motion)
+    overshoot = least_squares([travel[same]], difference[same], rows[same + 1], "linear, same direction", motion)
     return {"reversal": undershoot, "same_direction": overshoot}
 
 
@@ -170,6 +177,12 @@ def fit_deflection(table: Mapping[str, Values]) -> dict[str, Fit]:
     y = table["y_mm"] - table["y_mm"][rest].mean()
     z = table["z_mm"][rest].mean() - table["z_mm"]
     dead = float(pull[np.abs(y) <= STILL].max())
+    if pull.min() > 0.5 * INCREMENT and not (np.abs(y[~rest]) <= STILL).any():
+        raise CalibrationError(
+            f"deflection: the tip moves from the first pull on, {pull.min():g} mm, so the wire was not slack. Begin at less."
+        )
+    if z[pull.argmax()] < -STILL:
+        raise CalibrationError("deflection: z_mm rises with the pull, expected to fall. Give it the other sign.")
     used = np.flatnonzero(pull > dead + 0.5 * INCREMENT)
     a = pull[used]
     fit_y = least_squares([a, a**2, a**3], y[used], used, "deflection, y", y)

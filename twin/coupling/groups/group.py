@@ -214,8 +214,10 @@ def compose(
     driven = {link.target.key for link in links}
     has_equations = group_equations.offered(parts, links, step)
     variables, border = exposed(parts, driven, outputs, has_equations)
-    for key in outputs:
-        writer.published(key)
+    for member, part in parts.items():
+        for variable in part.component.variables:
+            if variable.role is Role.output:  # unread outputs too, which would show the end of a step at its beginning
+                writer.published((member, variable.name))
     source = initialization(writer, border) + stepping(writer, border, stages)
     if has_equations:
         inputs = [(variable, take_border(writer, i, variable)) for i, variable in enumerate(border)]

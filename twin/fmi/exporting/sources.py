@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 FOLDER = Path(__file__).with_name("c")
 LANGUAGE = "C11"
 
-# gcc and clang round every operation, as the component in Python does; other compilers find that in the files
-OPTIONS = "-ffp-contract=off"
+# gcc and clang round every operation, and whole numbers wrap around; other compilers find the first in the files
+OPTIONS = "-ffp-contract=off -fwrapv"
 PLATFORMS = {  # of FMI 3.0, and the library to link there beside the C library's
     "x86_64-linux": "m",
     "aarch64-linux": "m",

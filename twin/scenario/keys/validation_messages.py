@@ -72,14 +72,16 @@ def steps(paths: Iterable[Path]) -> Steps:
     return nested
 
 
+def entry_steps(node: Node, invalid: Steps) -> Steps:
+    """Return the steps below a node; without that into a list if the schema reads this single entry as a list of one."""
+    return invalid[0] if 0 in invalid and not isinstance(node.value, list) else invalid
+
+
 def dropped(node: Node, invalid: Steps) -> Node:
     """Return the tree without the nodes at the invalid paths."""
     if isinstance(node.value, dict):
-        entries = {
-            key: dropped(item, invalid.get(key, {}))
-            for key, item in node.value.items()
-            if None not in invalid.get(key, {})
-        }
+        below = {key: entry_steps(item, invalid.get(key, {})) for key, item in node.value.items()}
+        entries = {key: dropped(item, below[key]) for key, item in node.value.items() if None not in below[key]}
         return Node(entries, node.location) if invalid else node
     if isinstance(node.value, list):
         items = [

@@ -237,6 +237,7 @@ def worst(outcome: StudyOutcome, answers: Answers) -> dict[str, Any] | None:
         if np.isfinite(worst_case.value)
         else "no value: the case failed",
         "sampled": answers.metric(worst_case.metric, worst_case.sampled),
+        "remark": worst_case.remark,
         "number": worst_case.number,
         "evaluations": worst_case.evaluations,
         "values": [(factor.name, factor.shown(value)) for factor, value in own],

@@ -47,6 +47,13 @@ class WorstCase:
     evaluations: int
     last: int
 
+    @property
+    def remark(self) -> str:
+        """Advice if one of the samples is worse than what the search found; else empty."""
+        sign = -1.0 if self.goal == "max" else 1.0
+        is_worse = np.isfinite(self.value) and sign * self.sampled < sign * self.value
+        return ", which is worse: raise `evaluations` or `inside`" if is_worse else ""
+
 
 def search_worst(study: Study, cases: CaseEvaluator, number: int) -> WorstCase:
     """Look for the worst case; numbers go on from `number`. Every evaluation has the same seed."""
