@@ -232,6 +232,10 @@ def test_what_cannot_be_declared_is_refused_with_the_class(body, message):
             {"derivatives": lambda self, t: 3},
             "Odd.derivatives: returns a value, which is lost. Only step returns a status.",
         ),
+        (
+            {**STEP, "initialize": lambda self: 3},
+            "Odd.initialize: returns a value, which is lost. Only step returns a status.",
+        ),
     ],
 )
 def test_functions_that_do_not_fit_are_refused_when_they_are_needed(body, message):

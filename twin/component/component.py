@@ -283,7 +283,7 @@ def build_functions(cls: type[Component]) -> tuple[solver.Function, solver.Funct
             raise DeclarationError(
                 f"{cls.__name__}.{name}: expected {name}({', '.join(ARGUMENTS[name])}). Write it so."
             )
-        if name == "derivatives" and returns_value(call) and not issubclass(cls, PythonComponent):
+        if name != "step" and returns_value(call) and not issubclass(cls, PythonComponent):
             raise DeclarationError(
                 f"{cls.__name__}.{name}: returns a value, which is lost. Only step returns a status."
             )

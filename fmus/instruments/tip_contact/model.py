@@ -88,7 +88,7 @@ class TipContact(Component):
     stiffness = local(0.0, "N/m", "its slope over the depth")
     matrix = local(0.0, "", "of Newton's equations, the right side last", shape=(3, 4))
 
-    def initialize(self) -> int:
+    def initialize(self) -> None:
         self.tip_angle = self.curvature * self.free_length
         self.load_along = 0.0
         self.load_across = 0.0
@@ -100,7 +100,7 @@ class TipContact(Component):
         bend(self)
         self.far = tip_along_wall(self, 0.0)
         self.deep = depth(self, 0.0)
-        return carry(self, 1.0)
+        carry(self, 1.0)  # what is left of the way is gone in the first step, which fails if it cannot be
 
     def step(self, t: float, h: float) -> int:
         return carry(self, h)
