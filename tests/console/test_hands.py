@@ -155,7 +155,7 @@ def test_it_stays_at_rest_until_it_is_pressed_anew(served, page):
         LOSSES["stuck"](page)
         watcher.hear(lambda told: not told.get("held"))
         page.wait_for_timeout(1800)  # the key is still down, and the page renews again
-        assert page.text_content("#twin-message").endswith("Release the control and press again.")
+        assert page.text_content("#twin-message").endswith("Release and press again.")
         assert page.text_content(".twin-control b").startswith("0 ")
         page.keyboard.up("ArrowUp")
         press(page, watcher)

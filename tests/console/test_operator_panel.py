@@ -78,8 +78,8 @@ def test_the_start_of_an_element(name, start, value):
 def test_a_hold_is_two_lines():
     """Its begin and its end; what is set along with it is left out, other commands stay."""
     controls = {
-        "a.x": SimpleNamespace(rest=0.0, label="hand", along=("a.on",)),
-        "a.y": SimpleNamespace(rest=1.0, label="foot", along=()),
+        "a.x": SimpleNamespace(rest=0.0, label="hand", along=("a.on",), factor=1e3, offset=0.0, display_unit="mm"),
+        "a.y": SimpleNamespace(rest=1.0, label="foot", along=(), factor=1.0, offset=0.0, display_unit=""),
     }
     texts = [
         "set a.k = 3",
@@ -97,12 +97,12 @@ def test_a_hold_is_two_lines():
     done = [ExecutedCommand(i, float(i), "set", text, "line") for i, text in enumerate(texts)]
     expected = {
         0: "set a.k = 3",
-        1: f"hand{HELD}",
+        1: f"hand{HELD} at +100 mm",
         5: "override a.on",
         6: f"hand{RELEASED}",
-        8: f"foot{HELD}",
+        8: f"foot{HELD} at +2",
         9: "release a.x",
-        10: f"hand{HELD}",
+        10: f"hand{HELD} at +300 mm",
     }
     assert condense(done, controls) == [replace(done[i], text=text) for i, text in expected.items()]
     assert condense(done, {}) == done

@@ -236,7 +236,7 @@ def test_outputs_are_overridden_and_released(setting):
 
 
 def test_commands_are_listed_the_latest_first(setting, monkeypatch):
-    control = SimpleNamespace(input="a.x", along=(), rest=0.0, label="hand")
+    control = SimpleNamespace(input="a.x", along=(), rest=0.0, label="hand", factor=1e3, offset=0.0, display_unit="mm")
     one = setting(controls=(control,))
     with one.page:
         operator_panel.done(one.context, one.live)
@@ -244,7 +244,7 @@ def test_commands_are_listed_the_latest_first(setting, monkeypatch):
     texts = ["set a.k = 3", "set a.x = 0.1", "set a.x = 0.2", "load"]
     one.live.done.extend(ExecutedCommand(i, 0.25 * i, "set", text, "", i != 3) for i, text in enumerate(texts))
     one.page.tick()
-    shown = ["0.750 s", "load", "0.250 s", "hand: held", "0.000 s", "set a.k = 3"]
+    shown = ["0.750 s", "load", "0.250 s", "hand: held at +100 mm", "0.000 s", "set a.k = 3"]
     assert one.page.shown()[1:] == shown
     soft = [label.text for label in one.page.elements(ui.label) if "twin-soft" in label.classes]
     assert [text for text in soft if not text.endswith(" s")] == ["load"]
@@ -254,7 +254,7 @@ def test_commands_are_listed_the_latest_first(setting, monkeypatch):
     monkeypatch.setattr(operator_panel, "MAX_COMMANDS", 3)
     one.live.done.append(ExecutedCommand(9, 9.0, "set", "stop", ""))
     one.page.tick()
-    assert one.page.shown()[2::2] == ["stop", "load", "hand: held"]
+    assert one.page.shown()[2::2] == ["stop", "load", "hand: held at +100 mm"]
 
 
 def test_a_session_is_downloaded_as_a_scenario(setting):

@@ -84,7 +84,10 @@ expect:
     ("by_operator", "verdicts"),
     [
         (False, {"here": "pass", "of own": "fail", "unchanged": "fail", "its own": "pass"}),
-        (True, {"here": "pass", "of own": "fail", "its own": ""}),  # what was changed is no reproduction
+        (
+            True,
+            {"here": "pass", "of own": "fail", "unchanged": "not judged", "its own": ""},
+        ),  # what was changed is no reproduction
     ],
 )
 def test_what_can_be_judged(tmp_path, by_operator, verdicts):
@@ -109,7 +112,8 @@ def test_what_can_be_judged(tmp_path, by_operator, verdicts):
     found_rows = found.rows()
     assert {row.name: row.verdict for row in found_rows} == verdicts
     assert asked == [(["heart.position"], None, 0.5)]
-    assert found_rows[-1].detail == "2 mm; reference 2 mm"
+    (own,) = [row for row in found_rows if row.is_metric]
+    assert own.detail == "2 mm; reference 2 mm"
     live.read = lambda *_: SimpleNamespace(time=time[:0], values={"heart.position": np.zeros(0)})
     assert found.rows() is not None
 
@@ -128,4 +132,4 @@ def test_the_result_in_a_sentence(counts, sentence):
     verdicts = [
         verdict for verdict, count in zip(("pass", "fail", "waiting"), counts, strict=True) for _ in range(count)
     ]
-    assert headline([Row(verdict, "name", "") for verdict in [*verdicts, ""]]) == sentence
+    assert headline([Row(verdict, "name", "") for verdict in [*verdicts, ""]], True) == sentence

@@ -77,7 +77,7 @@ def test_a_scenario_pauses_at_its_end_and_the_next_run_is_compared(host):
         ("", "reach"),
         ("", "late"),
     ]
-    assert headline(rows) == "1 of 2 requirements failed."
+    assert headline(rows, True) == "1 of 2 requirements failed."
     samples = host.live.read(["heart.position"])
     assert list(score(samples.time, samples.values["heart.position"], catalog.targets).reached) == ["systole"]
     seen = host.source.read("heart.position", 0.0, 0.5, 4000)[1]
@@ -107,9 +107,21 @@ def test_with_drives_a_session_is_stopped_by_its_operator(tmp_path):
 
 
 def test_headlines():
-    assert headline([Row("", "b", "")]) == ""
-    assert headline([Row("waiting", "a", ""), Row("pass", "b", "")]) == "So far 1 met, 0 failed, 1 open."
-    assert headline([Row("pass", "a", "")]) == "All 1 requirements met."
+    assert headline([Row("", "b", "")], True) == ""
+    assert headline([Row("waiting", "a", ""), Row("pass", "b", "")], False) == "So far 1 met, 0 failed, 1 open."
+    assert headline([Row("pass", "a", "")], False) == "So far 1 met, 0 failed."
+    assert headline([Row("pass", "a", "")], True) == "All 1 requirements met."
+
+
+def test_metrics_of_the_run_before_stand_beside_those_of_this_one():
+    host = Host()
+    assert host.metrics_before("first") == {}
+    host.latest_metrics = "first", {"error": "3 mN"}
+    assert host.metrics_before("first") == {}  # another page of the same run
+    assert host.metrics_before("second") == {"error": "3 mN"}
+    assert host.metrics_before("second") == {"error": "3 mN"}
+    host.leave()
+    assert host.metrics_before("third") == {}
 
 
 @pytest.mark.slow

@@ -204,8 +204,9 @@ def test_a_scenario_without_controls_pauses_at_its_end(tmp_path):
     assert seen[0] == ("paused", 20.0, False)
     assert seen[1][0] == "running"
     assert seen[1][2]
-    assert [said[2] for said in script.all("said")] == ["the scenario has reached its end. Run continues beyond it."]
-    assert [said[0] for said in script.all("said")] == [1]
+    texts = ["the scenario has reached its end. Run continues beyond it.", ""]
+    assert [said[2] for said in script.all("said")] == texts  # withdrawn when it goes on
+    assert [said[0] for said in script.all("said")] == [1, 2]
 
 
 def test_a_reset_or_a_stop_follows_a_failure():
@@ -255,6 +256,7 @@ def fake_session(**attributes):
         calls=calls,
         end_stepping=lambda: calls.append("end_stepping"),
         begin_pace=lambda: calls.append("begin_pace"),
+        withdraw_message=lambda: calls.append("withdraw_message"),
         left_to_common=lambda more=0: 4 + more,
     )
     vars(session).update(attributes)
@@ -304,9 +306,9 @@ def test_commands_are_refused(attributes, message, refused):
 def test_what_commands_do():
     session = fake_session(phase="paused")
     assert commands.execute(session, {"ask": "resume"}) == ("", False)
-    assert (session.phase, session.calls) == ("running", ["end_stepping", "begin_pace"])
+    assert (session.phase, session.calls) == ("running", ["end_stepping", "withdraw_message", "begin_pace"])
     assert commands.execute(session, {"ask": "pace", "rate": 3}) == ("", False)
-    assert (session.rate, session.pace.rate, session.calls[2:]) == (3.0, 3.0, ["begin_pace"])
+    assert (session.rate, session.pace.rate, session.calls[3:]) == (3.0, 3.0, ["begin_pace"])
     assert commands.execute(session, {"ask": "step", "number": 7}) == ("", True)
     assert (session.phase, session.left, session.stepping) == ("paused", 1, 7)
     commands.execute(session, {"ask": "step", "macro": True, "count": 3, "number": 8})

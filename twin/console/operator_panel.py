@@ -120,8 +120,9 @@ def number_field(
     shown: float,
     ends: tuple[float, float] | None,
 ) -> None:
-    """Create a field that refuses values outside the declared bounds, and its slider, which follows the field."""
-    low, high = (None if edge is None else _shown(signal, edge) for edge in (signal.minimum, signal.maximum))
+    """Create a field that refuses values outside of its slider or the declared bounds; the slider follows the field."""
+    edges = (signal.minimum, signal.maximum) if ends is None else ends
+    low, high = (None if edge is None else _shown(signal, edge) for edge in edges)
     # without min and max, to which NiceGUI would silently move the value when the field is left
     field = ui.number(value=shown, validation=lambda value: refusal(value, low, high)).props(
         f'dense outlined suffix="{signal.display_unit}" step=any no-error-icon hide-bottom-space aria-label="{name}"'
@@ -141,8 +142,8 @@ def number_field(
 
     field.on("keydown.enter", apply_entry)
     field.on("blur", lambda: apply_entry() if field.value != applied[0] else None)
-    begin, end = (low, high) if ends is None else (_shown(signal, edge) for edge in ends)
-    if name == signal.name and begin is not None and end is not None and end > begin:
+    if name == signal.name and low is not None and high is not None and high > low:
+        begin, end = low, high
         slider = ui.slider(min=begin, max=end, step=(end - begin) / 200, value=min(max(shown, begin), end))
         slider.props(f'dense aria-label="{name}, slider"')
         slider.on("change", lambda: (field.set_value(slider.value), apply_entry())[1])
@@ -283,8 +284,11 @@ def condense(done: Sequence[ExecutedCommand], controls: Mapping[str, CatalogCont
         if control is None or not equals:
             condensed_commands.append(command)
             continue
-        now = read(value) != control.rest
+        given = read(value)
+        now = given != control.rest
         if now != moving.get(name, False):
-            condensed_commands.append(replace(command, text=f"{control.label}{HELD if now else RELEASED}"))
+            shown = f"{control.factor * given + control.offset:+.3g} {control.display_unit}" if is_number(given) else ""
+            text = f"{HELD} at {shown}".rstrip() if shown else HELD
+            condensed_commands.append(replace(command, text=f"{control.label}{text if now else RELEASED}"))
         moving[name] = now
     return condensed_commands

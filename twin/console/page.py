@@ -16,7 +16,7 @@ from twin import web
 from twin.console import charts, operator_panel, safety, start_page, summary, targets, websocket
 from twin.console.animation import FLAT, Pictures
 from twin.console.joysticks import Desk, Presence, controls
-from twin.console.session import OVER, panels
+from twin.console.session import panels
 from twin.errors import TwinError
 
 if TYPE_CHECKING:
@@ -229,6 +229,7 @@ def _bar(context: PageContext) -> None:
         run.props('unelevated no-caps color=primary aria-label="run"').classes("twin-run")
         pause = ui.button("Pause", icon="pause", on_click=context.on_press(lambda: live.pause))
         pause.props('outline no-caps aria-label="pause"').classes("twin-run")
+        finishing = ui.spinner(size="24px").props('aria-label="the results are written"')
         title = catalog.title.removesuffix(f": {catalog.variants.get(catalog.variant)}") or catalog.scenario
         ui.label(title).classes("twin-h ellipsis").tooltip(catalog.description or catalog.scenario)
         if len(catalog.variants) > 1 and console.hardware is None:
@@ -243,11 +244,13 @@ def _bar(context: PageContext) -> None:
             _steps(context, live, catalog)
         ui.html('<span id="twin-how" class="twin-figures" role="status"></span>', sanitize=False)
         ui.space()
-        ui.html('<span id="twin-message" class="twin-soft"></span>', sanitize=False).classes("ellipsis")
+        ui.html('<span id="twin-message" class="twin-soft" role="status"></span>', sanitize=False)
 
     def update() -> None:
         goes = live.state.phase == "running"
-        run.visible, pause.visible = not goes and live.state.phase not in OVER, goes and not catalog.wall_clock
+        run.visible = live.state.phase in ("paused", "ended")
+        pause.visible = goes and not catalog.wall_clock
+        finishing.visible = live.state.phase in ("finishing", "starting")
 
     update()
     ui.timer(REFRESH_PERIOD, update)
@@ -266,7 +269,7 @@ def _steps(context: PageContext, live: LiveSession, catalog: Catalog) -> None:
     ui.select(
         RATES,
         value=live.state.rate if live.state.rate in RATES else 1.0,
-        on_change=lambda said: context.run(live.pace, said.value),
+        on_change=lambda said: context.run(context.console.pace, said.value),
     ).props("dense options-dense borderless aria-label='pace'").classes("twin-rate")
 
 

@@ -40,7 +40,9 @@ def heading(status: Mapping[str, Any]) -> str:
     if status["simulated"]:
         armed = "simulated drives"
     kind = "warn" if status["armed"] and not status["simulated"] else "good"
-    if status["stopped"]:
+    if status["stopped"] == "stopped":
+        armed, kind = "stopped; states as last read", "soft"
+    elif status["stopped"]:
         armed, kind = f"stopped: {status['stopped']}", "bad"
     figures = {"control": status["control"], "bus": f"{status['interface']} {status['channel']}".strip() or "simulated"}
     if status["brought_up"]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from twin import installed
 from twin.console.curves import SessionCurves
@@ -92,6 +92,8 @@ class Host:
     operator_lock: OperatorLock = field(default_factory=OperatorLock)
     activities: dict[str, BackgroundActivity] = field(default_factory=dict)  # by title of the panel
     lock: threading.Lock = field(default_factory=threading.Lock)  # of the use of the drives
+    latest_metrics: tuple[Any, dict[str, str]] = (None, {})  # of the shown run: its identity, texts by name
+    _metrics_before: dict[str, str] = field(default_factory=dict)
     _source: SessionCurves | None = None
     _stopping: threading.Thread | None = None
 
@@ -159,6 +161,12 @@ class Host:
             return ""
         return "STOP" if self.live.catalog is None or self.live.catalog.controls else "End"
 
+    def metrics_before(self, run: Any) -> dict[str, str]:
+        """Return the metrics of the run before this one, by name; `run`: identity of this one."""
+        if self.latest_metrics[0] != run:
+            self._metrics_before, self.latest_metrics = self.latest_metrics[1], (run, {})
+        return self._metrics_before
+
     def leave(self) -> None:
         """Return to the list of scenarios. TwinError if a session is running."""
         with self.lock:
@@ -166,6 +174,7 @@ class Host:
                 raise TwinError("a session is running. Stop it first.")
             self._end()
             self.live = self._stopping = self._source = None
+            self.latest_metrics, self._metrics_before = (None, {}), {}
 
     @property
     def drives_in_use(self) -> str:
@@ -185,6 +194,12 @@ class Host:
                 raise TwinError(busy)
             if live is not None:
                 live.resume()
+
+    def pace(self, rate: float) -> None:
+        """Change the rate, of the next session too."""
+        if self.live is not None:
+            self.live.pace(rate)
+            self.rate = rate
 
     def release_hold(self) -> None:
         """Release all holds, of the session and of activities."""

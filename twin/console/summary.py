@@ -13,7 +13,7 @@ from nicegui import ui
 
 from twin.console import operator_panel
 from twin.console.session import OVER
-from twin.console.verdicts import Row, SessionVerdicts, headline
+from twin.console.verdicts import METRIC, NOT_JUDGED, WAITING, SessionVerdicts, headline
 from twin.errors import TwinError
 
 if TYPE_CHECKING:
@@ -28,8 +28,13 @@ if TYPE_CHECKING:
 
 JUDGE_PERIOD = 1.0  # [s]
 PAGES = {"/signals": ("signals.html",), "/replay": ("scene.html", "--scene")}  # file and options of `twin view`
-SYMBOLS = {"pass": ("check_circle", "twin-good"), "fail": ("cancel", "twin-bad"), "": ("straighten", "twin-soft")}
-WAITING_SYMBOL = ("schedule", "twin-soft")
+SYMBOLS = {
+    "pass": ("check_circle", "twin-good"),
+    "fail": ("cancel", "twin-bad"),
+    WAITING: ("schedule", "twin-soft"),
+    NOT_JUDGED: ("remove_circle_outline", "twin-soft"),
+    METRIC: ("straighten", "twin-soft"),
+}
 
 
 def register(app: FastAPI, console: Host) -> None:
@@ -73,26 +78,32 @@ def panel(context: PageContext) -> None:
 
 def judged(console: Host, verdicts: SessionVerdicts) -> None:
     """Create the rows of the list and a timer that judges them."""
-    shown: list[list[Row] | None] = [None]
+    shown: list[Any] = [None]
+    live, before = verdicts.live, console.metrics_before((id(verdicts.live), verdicts.live.state.epoch))
     total = ui.label("Run to judge them.").classes("twin-h").mark("headline")
     column = ui.column().classes("full-width gap-1")
 
     async def judge() -> None:
-        if verdicts.live.state.epoch == 0 or verdicts.live is not console.live:
+        if live.state.epoch == 0 or verdicts.live is not console.live:
             return
         rows = await nicegui_run.io_bound(verdicts.rows)
-        if rows == shown[0] or not rows:
+        has_ended = live.state.phase in OVER or live.state.time >= verdicts.catalog.stop
+        if (rows, has_ended) == shown[0] or not rows:
             return
-        shown[0], total.text = rows, headline(rows)
+        shown[0], total.text = (rows, has_ended), headline(rows, has_ended)
+        console.latest_metrics = (id(live), live.state.epoch), {row.name: row.detail for row in rows if row.is_metric}
         column.clear()
         with column:
             for row in rows:
-                icon, color = SYMBOLS.get(row.verdict, WAITING_SYMBOL)
+                icon, color = SYMBOLS.get(row.verdict, SYMBOLS[WAITING])
                 with ui.row().classes("no-wrap full-width gap-2 twin-verdict"):
                     ui.icon(icon).classes(color).props(f"role=img aria-label='{row.verdict or 'metric'}'")
                     with ui.column().classes("gap-0"):
                         ui.label(row.name).classes("twin-line")
-                        ui.label(row.detail).classes("twin-soft twin-line")
+                        past = before.get(row.name)
+                        ui.label(f"{row.detail}; the run before: {past}" if past else row.detail).classes(
+                            "twin-soft twin-line"
+                        )
 
     ui.timer(JUDGE_PERIOD, judge)
 

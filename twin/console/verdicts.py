@@ -16,16 +16,17 @@ if TYPE_CHECKING:
     from twin.live import LiveSession
     from twin.results import Expectation, Expression, Metric
 
-WAITING = "waiting"
+WAITING, NOT_JUDGED, METRIC = "waiting", "not judged", ""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the list. `verdict`: pass, fail, waiting (it cannot be judged yet), or empty for a number alone."""
+    """A line of the list. `verdict`: pass, fail, waiting (it cannot be judged yet), not judged, or empty for a number alone."""
 
     verdict: str
     name: str
     detail: str
+    is_metric: bool = False
 
 
 class SessionVerdicts:
@@ -67,11 +68,15 @@ class SessionVerdicts:
             samples = self.live.read(self._names, None, self.catalog.stop)
         except RefusedError:
             return []
-        now = float(samples.time[-1]) if len(samples.time) else self.catalog.start
+        if len(samples.time) < 2:
+            return []  # nothing has moved yet
+        now = float(samples.time[-1])
         units = {name: self.catalog.signals[name].unit for name in self._names}
         tables = {(self.catalog.variant, self.catalog.seed): Signals(samples.time, samples.values, units)}
         changed = any(command.by_operator for command in self.live.done)
-        judged = [each for each in self.expectations if self._begin(each) <= now and not (each.nominal and changed)]
+        nominal = [each for each in self.expectations if changed and each.nominal]
+        expectations = [each for each in self.expectations if each not in nominal]
+        judged = [each for each in expectations if self._begin(each) <= now]
         metrics = {name: each for name, each in self.metrics.items() if begin(each) <= now}
         evaluation = evaluate(metrics, judged, tables, not changed, has_ended=now >= self.catalog.stop)
         unfinished = {name for name, each in self.metrics.items() if now < self._end(each)}
@@ -81,19 +86,23 @@ class SessionVerdicts:
             is_open = result.verdict == "fail" and result.name in open_names  # its metric may still come right
             rows.append(Row(WAITING if is_open else result.verdict, result.name, result.detail))
         rows += [
-            Row(WAITING, each.name, f"from {self._begin(each):g} s")
-            for each in self.expectations
-            if self._begin(each) > now
+            Row(WAITING, each.name, f"from {self._begin(each):g} s") for each in expectations if self._begin(each) > now
         ]
+        rows += [Row(NOT_JUDGED, each.name, "values were changed by hand") for each in nominal]
         for metric_result in evaluation.metric_results:
             reference = (
                 "" if metric_result.paper is None else f"; reference {metric_result.metric.shown(metric_result.paper)}"
             )
             is_final = metric_result.verdict == "pass" or metric_result.metric.name not in unfinished
-            verdict = metric_result.verdict if metric_result.verdict in ("pass", "fail") and is_final else ""
+            verdict = metric_result.verdict if metric_result.verdict in ("pass", "fail") and is_final else METRIC
             name = metric_result.metric.description or metric_result.metric.name
             rows.append(
-                Row(verdict, name, f"{metric_result.metric.shown(metric_result.mean, metric_result.scale)}{reference}")
+                Row(
+                    verdict,
+                    name,
+                    f"{metric_result.metric.shown(metric_result.mean, metric_result.scale)}{reference}",
+                    True,
+                )
             )
         return rows
 
@@ -115,12 +124,13 @@ def begin(judged: Metric | Expectation) -> float:
     return 0.0 if start is None else clock.seconds(start)
 
 
-def headline(rows: list[Row]) -> str:
+def headline(rows: list[Row], has_ended: bool) -> str:
     """Return the result of all requirements in a sentence; empty if there are none."""
     counts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in ("pass", "fail", WAITING)}
     judged = counts["pass"] + counts["fail"]
-    if counts[WAITING]:
-        return f"So far {counts['pass']} met, {counts['fail']} failed, {counts[WAITING]} open."
-    if not judged:
+    if not judged and not counts[WAITING]:
         return ""
+    if counts[WAITING] or not has_ended:
+        still_open = f", {counts[WAITING]} open" if counts[WAITING] else ""
+        return f"So far {counts['pass']} met, {counts['fail']} failed{still_open}."
     return f"{counts['fail']} of {judged} requirements failed." if counts["fail"] else f"All {judged} requirements met."

@@ -204,7 +204,8 @@ class LiveSession:
 
     def _say(self, entry: Sequence[Any], _message: dict[str, Any] | None = None) -> None:
         number, instant, text = entry
-        self._said.append((number, instant, text))
+        if text:
+            self._said.append((number, instant, text))
         self.state = replace(self.state, message=text, messages=tuple(self._said))
 
     def _receive_progress(self, text: str, _message: dict[str, Any]) -> None:

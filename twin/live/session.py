@@ -16,7 +16,7 @@ from twin.live.catalog_builder import catalog_of, prepared_events, steps_to_comm
 from twin.live.channel import Channel, ClosedError
 from twin.live.operator import commands
 from twin.live.operator.command_checks import WHERE, CommandExecutor
-from twin.live.operator.dead_man_switch import DeadManSwitch
+from twin.live.operator.dead_man_switch import HOLD, HOLD_OF_SIMULATIONS, DeadManSwitch
 from twin.live.operator.operation_log import NAME, OperationLog, time_text
 from twin.live.pacing import BLOCK, Pace
 from twin.live.scheduling_priority import LoopPriority
@@ -68,7 +68,7 @@ class Session:
         self.stepping: int | None = None  # number of the step command
         self.priority = LoopPriority()
         self._last_status_time = self._last_drive_status_time = -inf
-        self._message = 0
+        self._message, self.shown_message = 0, ""
         self._executor: CommandExecutor | None = None
 
     # --------------------------------------------------------------------------------------------------- run
@@ -103,7 +103,8 @@ class Session:
         for spec in case.conditions:
             file.add(spec)
         self._met = 0  # conditions that were noted
-        self.dead_man, self.given, self._next, self.wall_clock = DeadManSwitch(), dict[str, Any](), 0, wall_clock
+        self.dead_man = DeadManSwitch(HOLD if self.drives is not None else HOLD_OF_SIMULATIONS)
+        self.given, self._next, self.wall_clock, self.late_holds = dict[str, Any](), 0, wall_clock, set[str]()
         self._faults = list(case.faults)
         stop = next(each.stop_ns for each in self.scenario.variants if each.variant == self.variant)
         self.pause_ns = None if catalog.controls or wall_clock else stop  # an operator works on beyond the end
@@ -239,8 +240,10 @@ class Session:
         executor = self._executor
         assert executor is not None
         for name in self.dead_man.expire(wall.monotonic()):
+            self.late_holds.add(name)
+            control = executor.controls.get(name)
             self.say(
-                f"{name}: the hold was not renewed in time; the input went to rest. Release the control and press again."
+                f"{control.label if control else name}: at rest, since the page answered too late. Release and press again."
             )
         wanted: dict[str, Any] = {name: held.value for name, held in self.dead_man.inputs.items()}
         for name, along in self.along.items():
@@ -303,7 +306,19 @@ class Session:
     def say(self, text: str) -> None:
         """Send a message to the operator."""
         self._message += 1
+        self.shown_message = text
         self.send(said=[self._message, wall.time(), text])
+
+    def withdraw_message(self) -> None:
+        """Remove the shown message, which is true no longer."""
+        if self.shown_message:
+            self.say("")
+
+    def confirm_hold(self, name: str) -> None:
+        """Remove the message on a late hold once the input is held again."""
+        if name in self.late_holds:
+            self.late_holds.discard(name)
+            self.withdraw_message()
 
     def enter(self, phase: str) -> None:
         """Change the phase and send it."""
@@ -338,7 +353,10 @@ class Session:
             self.channel.send_droppable(state=self.status())
             if self.drives is not None and instant - self._last_drive_status_time >= DRIVE_STATUS_PERIOD:
                 self._last_drive_status_time = instant
-                time = clock.seconds(self.simulated.time)
-                self.channel.send_droppable(hardware={**self.drives.status(), "time": time})
+                self.channel.send_droppable(hardware=self.drive_status(self.drives))
         except ClosedError:
             self.gone = self.ending = True
+
+    def drive_status(self, drives: Drives) -> dict[str, Any]:
+        """Return the status of drives as plain data."""
+        return {**drives.status(), "time": clock.seconds(self.simulated.time)}

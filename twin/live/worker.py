@@ -76,6 +76,8 @@ class SessionProcess:
         )
         while True:
             outcome = run_scenario(own, options, hardware=self.hardware, callbacks=callbacks)
+            if session.drives is not None and not session.gone:
+                session.send(hardware=session.drive_status(session.drives))  # after the stop sequence
             reason = "" if outcome.run.status == "completed" else outcome.run.reason
             if session.gone or not (session.again or (reason and self.wait_for_reset())):
                 return

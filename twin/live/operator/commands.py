@@ -39,6 +39,7 @@ def resume(session: Session, _: Message) -> None:
     """Continue the simulation."""
     refuse_ended(session, "resume")
     session.end_stepping()
+    session.withdraw_message()
     session.phase = "running"
     session.begin_pace()
 
@@ -85,6 +86,8 @@ def reset(session: Session, _: Message) -> None:
 def stop(session: Session, _: Message) -> None:
     """End the session."""
     session.ending = True
+    if session.phase == "paused":
+        session.withdraw_message()
 
 
 def set_value(session: Session, message: Message) -> None:
@@ -134,7 +137,8 @@ def hold(session: Session, message: Message) -> None:
             session.dead_man.release_hold(name)
         raise
     now = wall.monotonic()  # the same clock in all processes of a machine
-    session.dead_man.hold(name, value, rest, press, now - instant, now)
+    if session.dead_man.hold(name, value, rest, press, now - instant, now):
+        session.confirm_hold(name)
 
 
 def release_hold(session: Session, message: Message) -> None:
