@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
 import sys
+import webbrowser
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -188,6 +190,9 @@ def view_signals(folders: list[Path], options: ViewOptions, target: Path | None)
     from twin.results import write_text
     from twin.viewer import RunCollection, embedded_page, open_recorded_run, select_cases, select_signals, serve
 
+    as_file = target is None and importlib.util.find_spec("nicegui") is None
+    if as_file:
+        target = folders[0] / f"signals{PAGE}"
     replaced = target is not None and check_target(target, (PAGE,)).exists()
     runs = RunCollection([open_recorded_run(folder) for folder in folders])
     has_case = bool(options.variant) or options.seed is not None
@@ -201,6 +206,10 @@ def view_signals(folders: list[Path], options: ViewOptions, target: Path | None)
     thinned = f"; {page.thinned} curves reduced to minima and maxima" * bool(page.thinned)
     say(f"signals: {len(signals)}, curves: {page.curves}, {len(page.text) / 1e6:.2g} MB{thinned}")
     say(f"{target}" + " (replaced)" * replaced)
+    if as_file:
+        say("The page is one file. For the viewer, which also follows a run: pip install 'catheter-twin[console]'")
+        if not options.no_open:
+            webbrowser.open(target.resolve().as_uri())
 
 
 def check_target(target: Path, suffixes: tuple[str, ...]) -> Path:
