@@ -300,6 +300,9 @@ def test_seeds_are_a_mean_in_its_range_and_runs_differ_by_dash(open_page, folder
 def test_a_name_is_completed_and_kinds_of_plots_are_at_the_top(open_page):
     page = open_page()
     field = page.page.get_by_label("add an expression")
+    field.press_sequentially("m")
+    assert page.page.locator(".matches:visible .match").first.inner_text() == "min("
+    field.fill("")
     field.press_sequentially("abs(vel")
     page.page.locator(".matches:visible .match").first.wait_for()
     field.press("ArrowDown")
@@ -625,6 +628,9 @@ def test_a_spectrum_in_a_file_is_the_server_s(browser, tmp_path, monkeypatch):
         line = KINDS["spectrum"](opened, ViewedCurve("sensor.force", number), (-np.inf, np.inf), 8000)
         np.testing.assert_allclose(one["x"], line.x, rtol=1e-12)
         np.testing.assert_allclose(one["y"], line.y, rtol=1e-8, atol=1e-12 * max(line.y))
+    page.page.wait_for_function(
+        "decodeURIComponent(location.hash).includes('\"band\":false')"
+    )  # written a moment later
     kept = page.page.url.partition("#")[2]
     monkeypatch.setattr("twin.viewer.page.MAX_SAMPLES", 1000)
     (tmp_path / "thin.html").write_text(embedded_page(opened, ["sensor.force"], [0, 1]).text)

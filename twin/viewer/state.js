@@ -26,7 +26,7 @@ function first() {
   if (about.following && about.embedded && about.plots.every((plot) => !plot.first || [...plot.signals, ...Object.values(plot.bands).flat()].every((name) => about.embedded.some((one) => one.signal === name)))) found.panes = firstPlots(1);
   else if (about.shown_signals.length) found.panes = together(about.shown_signals);
   else if (failed) {
-    found.panes = [pane([failed.signal])];
+    found.panes = [pane([failed.signal], { variants: failed.variants.length ? failed.variants : undefined })];
     const bad = Object.keys(failed.spans).map(Number), shown = new Set(found.cases);
     if (!bad.some((k) => shown.has(k))) found.cases = [bad[0], ...found.cases];
   } else found.panes = firstPlots(new Set(found.cases.map((k) => about.cases[k].variant)).size);

@@ -53,17 +53,17 @@ function valueTable(lines, values, statistics) {
     const [first, second] = values[k] || [];
     return { line, ...statistics[k], A: first, B: second, "B − A": Number.isFinite(first) && Number.isFinite(second) ? second - first : null, now: values[k]?.[state.cursors.length] };
   });
-  for (const one of new Set(lines.map((line) => line.pane))) paneRows(one, entries.filter(({ line }) => line.pane === one), cursors, row);
+  for (const place of new Set(lines.map((line) => line.place))) paneRows(entries.filter(({ line }) => line.place === place), cursors, row);
   return table;
 }
 
-// the rows of the curves of a pane: each column has one precision
-function paneRows(one, entries, cursors, row) {
-  const unit = entries.find((each) => each.unit)?.unit ?? one.unit, step = resolution(entries), [from, to] = summarized();
+// the rows of the curves of a pane, or of the panes into which it is split: each column has one precision
+function paneRows(entries, cursors, row) {
+  const unit = entries.find((each) => each.unit)?.unit ?? entries[0].line.pane.unit, step = resolution(entries), [from, to] = summarized();
   const columns = [...[...cursors, ...STATISTICS.map(([name]) => name)].map((name) => [name, step]), ["slope", (10 * step) / (to - from)], ["rate", 0]];
   const texts = columns.map(([name, own]) => columnTexts(entries.map((each) => each[name]), own));
-  row([`${one.title}${unit ? ` [${unit}]` : ""}`], "th").firstChild.colSpan = 4;
   entries.forEach(({ line, count }, k) => {
+    if (line.pane !== entries[k - 1]?.line.pane) row([`${line.pane.title}${unit ? ` [${unit}]` : ""}`], "th").firstChild.colSpan = 4;
     const made = row(["", ...texts.map((column) => column[k])]);
     made.firstChild.append(swatch(line), line.label.replace(/, \d+ seeds/, ""));
     made.title = `${line.label}: ${line.about}; ${(count ?? 0).toLocaleString("en-US")} samples`;
