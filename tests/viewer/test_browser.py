@@ -182,7 +182,9 @@ def test_signals_are_found_picked_and_dragged(open_page):
     page.page.get_by_label("add an expression").fill("abs(heart.position) + ")
     page.page.get_by_role("button", name="Add").first.click()
     page.drawn()
-    assert "is not an expression" in page.page.locator("#message").inner_text()
+    wrong = page.page.locator(".wrong")
+    wrong.wait_for()
+    assert "is not an expression" in wrong.inner_text()
 
 
 def test_panes_zoom_together_and_the_address_keeps_it(open_page, address):
@@ -298,6 +300,9 @@ def test_seeds_are_a_mean_in_its_range_and_runs_differ_by_dash(open_page, folder
 def test_a_name_is_completed_and_kinds_of_plots_are_at_the_top(open_page):
     page = open_page()
     field = page.page.get_by_label("add an expression")
+    field.press_sequentially("m")
+    assert page.page.locator(".matches:visible .match").first.inner_text() == "min("
+    field.fill("")
     field.press_sequentially("abs(vel")
     page.page.locator(".matches:visible .match").first.wait_for()
     field.press("ArrowDown")
@@ -306,11 +311,13 @@ def test_a_name_is_completed_and_kinds_of_plots_are_at_the_top(open_page):
     field.press_sequentially(")")
     page.page.get_by_label("kind of plot").select_option("spectrum")
     field.press("Enter")
+    page.page.wait_for_function("document.getElementById('signal').value === ''")
     assert [one["title"] for one in page.curves()] == ["heart.position", "Spectrum of abs(heart.velocity)"]
     page.page.get_by_label("kind of plot").select_option("xy")
     field.fill("heart.position")
     page.page.get_by_label("signal of the x axis").fill("heart.velocity")
     page.page.get_by_label("signal of the x axis").press("Enter")
+    page.page.wait_for_function("document.getElementById('signal').value === ''")
     assert page.curves()[-1]["title"] == "heart.position over heart.velocity"
 
 
@@ -328,6 +335,157 @@ def test_the_time_plays_and_stops(open_page):
     assert now == [2.0]
     page.page.get_by_label("take the time cursor away").click()
     assert page.page.evaluate("document.getElementById('chart').chart.time") is None
+
+
+COLORS = """() => { const { chart } = document.getElementById("chart");
+    return chart.panes.map(({ curves }) => Object.fromEntries(curves.map(({ label, color, opacity, dash }) => [label, [color, opacity, dash.join()]]))); }"""
+
+
+def test_a_variant_keeps_its_color(open_page):
+    page = open_page()
+    (shown,) = page.page.evaluate(COLORS)
+    assert {label[0:7]: color for label, (color, *_) in shown.items()} == {
+        "A: slow": 0,
+        "A: fast": 1,
+        "B: slow": 0,
+        "B: fast": 1,
+    }
+    for button in page.page.get_by_role("button", name="slow", exact=True).all():
+        button.click()
+    page.drawn()
+    assert page.page.evaluate(COLORS) == [{label: look for label, look in shown.items() if "fast" in label}]
+    page.page.get_by_role("button", name="slow", exact=True).first.click()
+    page.page.locator("#chart .menu summary").first.click()
+    page.page.get_by_text("A pane for each variant").click()
+    page.drawn()
+    panes = page.page.evaluate(COLORS)
+    assert [{color for color, *_ in pane.values()} for pane in panes] == [{1}, {0}]
+    page.page.locator("#band").uncheck()
+    page.drawn()
+    seeds, slow = page.page.evaluate(COLORS)
+    assert {color for color, *_ in seeds.values()} == {1}
+    assert [slow[f"A: slow, seed {seed}"] for seed in (1, 2)] == [[0, 1, ""], [0, 0.7, ""]]
+    swatches = page.page.locator("#values tr:has-text('slow') .twin-swatch line")
+    swatches.nth(1).wait_for(state="attached")
+    assert {swatches.nth(k).evaluate("one => one.style.stroke") for k in range(2)} == {"var(--line-0)"}
+
+
+def test_a_wrong_expression_is_marked_and_adds_no_pane(open_page):
+    page = open_page()
+    field, wrong = page.page.get_by_label("add an expression"), page.page.locator(".wrong")
+    for text, reason in (
+        ("heart.position - ", "is not an expression"),
+        ("heart.position - nosuch.x", "'nosuch.x' was not recorded"),
+        ("derivative(heart.position)", "cannot be used"),
+    ):
+        field.fill(text)
+        field.press("Enter")
+        page.page.locator(".wrong", has_text=reason).wait_for()
+        assert (field.input_value(), field.get_attribute("aria-invalid"), wrong.count()) == (text, "true", 1)
+        assert len(page.curves()) == 1
+    field.fill("2 * heart.position")
+    field.press("Enter")
+    wrong.wait_for(state="detached")
+    page.page.wait_for_function("document.getElementById('chart').chart.panes.length === 2")
+    assert (field.input_value(), field.get_attribute("aria-invalid")) == ("", "false")
+    page.page.get_by_label("kind of plot").select_option("xy")
+    field.fill("heart.position")
+    across = page.page.get_by_label("signal of the x axis")
+    across.fill("nosuch.x")
+    across.press("Enter")
+    wrong.wait_for()
+    assert (field.get_attribute("aria-invalid"), across.get_attribute("aria-invalid")) == ("false", "true")
+    page.page.locator("#all").click()
+    wrong.wait_for(state="detached")
+
+
+def test_a_passed_expectation_shows_what_is_judged(browser, tmp_path):
+    text = BEATS + "  - {title: Other, signals: [heart.velocity]}\n"
+    text = text.replace(
+        "  - {name: it never stops, ",
+        "  - {name: fast beats, signal: heart.beats, at_least: 0, from: 1 s, to: 1.5 s, variants: [fast]}\n"
+        "  - {name: it never stops, ",
+    ).replace(", tolerance: 90 %", "")
+    with viewed(beats(tmp_path, text)) as address:
+        context = browser.new_context(viewport={"width": 1400, "height": 900})
+        page = Page(context, address)
+        assert page.page.locator("#metrics summary").inner_text() == "Metrics: 1 compared, no tolerance given"
+        page.page.locator(".outcome", has_text="fast beats").click()
+        page.drawn()
+        assert page.state["window"] == [1.0, 1.5]
+        assert [curve["label"] for curve in page.curves()[0]["curves"]] == ["fast, 2 seeds"]
+        assert len(page.curves()[1]["curves"]) == 2
+        again = Page(context, page.page.url)
+        assert [curve["label"] for curve in again.curves()[0]["curves"]] == ["fast, 2 seeds"]
+        page.page.locator("#chart .menu summary").first.click()
+        page.page.get_by_text("Show all variants").click()
+        assert len(page.curves()[0]["curves"]) == 2
+        page.page.locator("#chart .menu summary").first.click()
+        page.page.get_by_label("difference from").first.select_option("slow, seed by seed")
+        less = page.curves()[1]
+        assert (less["title"], [curve["label"] for curve in less["curves"]]) == (
+            f"heart.beats {MINUS} slow",
+            [f"fast, seed {seed} {MINUS} slow" for seed in (1, 2)],
+        )
+        assert page.wrong + again.wrong == []
+        context.close()
+
+
+def test_plots_stay_tall_and_the_table_has_room(open_page):
+    page = open_page()
+    page.page.set_viewport_size({"width": 1400, "height": 900})
+    page.page.locator("#band").uncheck()
+    for text in ("heart.velocity", "heart.beats", "2 * heart.velocity", "2 * heart.beats"):
+        page.page.get_by_label("add an expression").fill(text)
+        page.page.get_by_role("button", name="Add").first.click()
+        page.page.wait_for_function("document.getElementById('signal').value === ''")
+    page.drawn()
+    heights = page.page.evaluate("document.getElementById('chart').chart.boxes.map((box) => box.height)")
+    assert min(heights) >= 114
+    legends = page.page.evaluate("[...document.querySelectorAll('.twin-names')].map((one) => one.offsetHeight)")
+    assert max(legends) <= 50
+    page.page.evaluate("document.getElementById('drawing').scrollTop = 0")
+    for part in (0.25, 0.5):
+        page.page.mouse.click(*page.place(part))
+    table(page, ["B", "rate"])
+    hidden = page.page.evaluate(
+        "(() => { const box = document.getElementById('values'); return box.scrollWidth - box.clientWidth; })()"
+    )
+    assert hidden <= 0
+    columns = page.page.evaluate(
+        "[...document.querySelectorAll('#values tr')].slice(3, 6).map((row) => [...row.cells].slice(1, 9).map((one) => one.innerText))"
+    )
+    for column in zip(*columns, strict=True):
+        assert len({len(text.partition(".")[2]) for text in column if text != "0"}) == 1
+    page.page.get_by_role("button", name="Clear A, B").click()
+    assert page.state["cursors"] == []
+
+
+def test_values_at_the_cursors_are_read_on_a_phone(browser, address):
+    context = browser.new_context(viewport={"width": 360, "height": 740}, has_touch=True)
+    page = Page(context, address)
+    page.page.locator("#chart").scroll_into_view_if_needed()
+    for part in (0.25, 0.5):
+        page.page.touchscreen.tap(*page.place(part))
+        page.page.wait_for_timeout(400)
+    values = page.page.locator("#chart .twin-chip b")
+    assert (values.first.is_visible(), "\N{RIGHTWARDS ARROW}" in values.first.inner_text()) == (True, True)
+    assert page.page.evaluate("document.documentElement.scrollWidth") == 360
+    context.close()
+
+
+def test_the_table_follows_while_the_time_plays(open_page):
+    page = open_page()
+    page.page.get_by_label("speed").select_option("0.5")
+    page.page.get_by_label("play", exact=True).click()
+    head, *_ = table(page, ["now"])
+    column = head.index("now")
+    page.page.wait_for_function(
+        "k => { const at = parseFloat(document.querySelectorAll('#values tr')[1].cells[k].innerText); return at > 0.5 && at < 1.9; }",
+        arg=column,
+    )
+    assert page.page.get_by_label("pause", exact=True).locator("path").nth(1).is_visible()
+    page.page.get_by_label("pause", exact=True).click()
 
 
 def test_panes_fill_the_page_and_their_border_is_dragged(open_page):
@@ -375,12 +533,18 @@ def test_difference_spectrum_and_x_y_from_the_menu(open_page):
         page.page.locator("#chart .menu[open]").get_by_text(text).click()
         page.drawn()
 
+    def subtract(text):
+        page.page.locator("#chart .menu summary").first.click()
+        page.page.locator("#chart .menu[open]").get_by_label("difference from").select_option(text)
+        page.drawn()
+
     page.page.locator("#band").uncheck()
-    choose("Difference from run A, case by case")
+    subtract("run A, case by case")
     choose("Spectrum of the visible window")
     page.page.locator("#chart .menu summary").first.click()
     page.page.get_by_placeholder("x-y plot: over signal").first.fill("heart.velocity")
     page.page.keyboard.press("Enter")
+    page.page.wait_for_function("document.getElementById('chart').chart.panes.length === 4")
     titles = [(one["title"], one["unit"]) for one in page.curves()]
     assert titles == [
         ("heart.position", "mm"),
@@ -436,7 +600,7 @@ def test_a_page_of_a_file_needs_no_network(browser, folders, tmp_path):
     page.page.mouse.click(*page.place(0.5))
     assert len(table(page, ["A", "mean"])) == 8
     page.page.locator("#chart .menu summary").first.click()
-    page.page.locator("#chart .menu[open]").get_by_text("Difference from run A, case by case").click()
+    page.page.locator("#chart .menu[open]").get_by_label("difference from").select_option("run A, case by case")
     less = page.curves()[1]
     own = {one["label"]: np.array(one["y"]) for one in page.curves()[0]["curves"]}
     np.testing.assert_allclose(less["curves"][0]["y"], own["B: fast, seed 1"] - own["A: fast, seed 1"], atol=1e-9)
@@ -464,6 +628,9 @@ def test_a_spectrum_in_a_file_is_the_server_s(browser, tmp_path, monkeypatch):
         line = KINDS["spectrum"](opened, ViewedCurve("sensor.force", number), (-np.inf, np.inf), 8000)
         np.testing.assert_allclose(one["x"], line.x, rtol=1e-12)
         np.testing.assert_allclose(one["y"], line.y, rtol=1e-8, atol=1e-12 * max(line.y))
+    page.page.wait_for_function(
+        "decodeURIComponent(location.hash).includes('\"band\":false')"
+    )  # written a moment later
     kept = page.page.url.partition("#")[2]
     monkeypatch.setattr("twin.viewer.page.MAX_SAMPLES", 1000)
     (tmp_path / "thin.html").write_text(embedded_page(opened, ["sensor.force"], [0, 1]).text)

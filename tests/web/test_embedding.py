@@ -19,7 +19,7 @@ def test_every_import_is_an_export_of_a_module_before(tmp_path):
             assert {one.strip() for one in names.strip("{} ").split(",")} <= seen[module], name
         seen[name.removesuffix(".js")] = {match[2] for match in EXPORT.finditer(text)}
     own = tmp_path / "own.js"
-    own.write_text('import { Chart } from "./chart.js";\nnew Chart();\n')
+    own.write_text('// a comment\nimport { Chart } from "./chart.js";\n  // another\nnew Chart();\n')
     script = chart_script([own], views=True)
     assert not re.search(r"^(import|export) ", script, re.MULTILINE)
     assert script.endswith("const { Chart } = chart_module;\nnew Chart();\n")

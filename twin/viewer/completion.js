@@ -2,9 +2,9 @@
 
 const MATCHES = 12, WORD = /[A-Za-z_][\w.[\],]*$/;
 
-// names that match a word: those that begin with it, then those that contain it
+// functions and signals that match a word: those that begin with it, then those that contain it
 function matches(word) {
-  const wanted = word.toLowerCase(), names = [...about.signals.map((one) => one.name), ...about.functions.map((one) => `${one}(`)];
+  const wanted = word.toLowerCase(), names = [...about.functions.map((one) => `${one}(`), ...about.signals.map((one) => one.name)];
   const found = names.filter((name) => name.toLowerCase().includes(wanted) && name !== word);
   return found.sort((a, b) => b.toLowerCase().startsWith(wanted) - a.toLowerCase().startsWith(wanted)).slice(0, MATCHES);
 }

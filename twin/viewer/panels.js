@@ -3,6 +3,8 @@
 function element(tag, text, more = {}) { return Object.assign(document.createElement(tag), { textContent: text, ...more }); }
 function button(text, onclick, more = {}) { return element("button", text, { type: "button", onclick, ...more }); }
 
+const MOST = 50; // variants in which an expression is tried
+
 // ---- changes of the state
 
 function add(name, place) {
@@ -31,6 +33,25 @@ function toggle(name) {
 
 function after(index, made) { state.panes.splice(index + 1, 0, { facet: "", weights: [], ...made }); show(); }
 
+// ---- signals and expressions that cannot be drawn
+
+// why a plot can be drawn in none of the shown variants; empty if it can
+async function refusal(kind, signal, x = "") {
+  const groups = groupsOf(state.cases.length ? state.cases : [0], true).slice(0, MOST), specs = groups.map(({ cases: [number] }) => (
+    { kind, signal, x, case: number, minus: null, shift: 0, seeds: [], part: "mean", window: windowOf().map((time) => time - offset(number)) }));
+  try {
+    const lines = await source.lines(specs, 16);
+    return lines.every((line) => line.head.error) ? lines[0].head.error : "";
+  } catch (error) { return error.message; }
+}
+
+// mark a field as invalid, with the reason at the end of its form; without a reason, as valid
+function refuse(input, reason) {
+  input.setAttribute("aria-invalid", !!reason);
+  input.form.querySelector(".wrong")?.remove();
+  if (reason) input.form.append(element("small", reason, { className: "wrong", role: "alert" }));
+}
+
 // ---- the menu of a pane
 
 function menu(index) {
@@ -40,16 +61,15 @@ function menu(index) {
   const items = () => one.items.map((item) => ({ ...item }));
   if (one.kind === "time") {
     entry("Spectrum of the visible window", () => after(index, { kind: "spectrum", items: items() }));
-    if (one.items.every((item) => item.minus === null)) {
-      const less = (minus) => after(index, { kind: "time", items: items().map((item) => ({ ...item, minus })) });
-      if (about.runs.length > 1) about.runs.forEach((run) => entry(`Difference from run ${run.letter}, case by case`, () => less(run.letter)));
-      if (state.cases.length > 1) state.cases.forEach((k) => entry(`Difference from ${about.cases[k].label}`, () => less(k)));
-    }
     const form = element("form", ""), input = element("input", "", { placeholder: "x-y plot: over signal", ariaLabel: "x-y plot: over signal" });
     form.append(element("span", "", { className: "field" }), element("button", "Add"));
     form.firstChild.append(input);
     completes(input);
-    form.onsubmit = (event) => { event.preventDefault(); if (input.value.trim()) after(index, { kind: "xy", items: items(), x: input.value.trim() }); };
+    form.onsubmit = async (event) => {
+      event.preventDefault();
+      const x = input.value.trim(), reason = x && await refusal("time", x);
+      if (reason) refuse(input, reason); else if (x) after(index, { kind: "xy", items: items(), x });
+    };
     list.append(form);
   }
   for (const [facet, text] of [["", "One pane"], ["variant", "A pane for each variant"], ["run", "A pane for each run"]]) {
@@ -59,7 +79,21 @@ function menu(index) {
   list.append(ranged(one));
   if (index > 0) entry("Move up", () => { state.panes.splice(index - 1, 0, ...state.panes.splice(index, 1)); show(); });
   entry("Remove", () => { state.panes.splice(index, 1); show(); });
+  if (one.variants) entry("Show all variants", () => { delete one.variants; show(); });
+  if (one.kind === "time" && one.items.every((item) => item.minus === null)) list.append(...differences(index, items()));
   return found;
+}
+
+// a choice of what is subtracted from the signals of a pane: a run, or of each run a variant; a case where seeds are shown separately
+function differences(index, items) {
+  const variants = [...new Set(state.cases.map((k) => about.cases[k].variant))], choices = about.runs.length > 1 ? about.runs.map(({ letter: run }) => [run, `run ${run}, case by case`]) : [];
+  if (state.band && variants.length > 1) choices.push(...variants.map((variant) => [`=${variant}`, `${variant}, seed by seed`]));
+  else if (state.cases.length > 1) choices.push(...state.cases.map((k) => [k, about.cases[k].label]));
+  if (!choices.length) return [];
+  const select = element("select", "", { ariaLabel: "difference from" });
+  select.append(element("option", "Difference from ..."), ...choices.map(([, text]) => element("option", text)));
+  select.onchange = () => after(index, { kind: "time", items: items.map((item) => ({ ...item, minus: choices[select.selectedIndex - 1][0] })) });
+  return [select];
 }
 
 // form for the vertical range of a pane; empty: range of the visible samples
@@ -178,10 +212,14 @@ function plots() {
 find("search").oninput = tree;
 find("band").onchange = () => { state.band = find("band").checked; show(); };
 find("kind").onchange = () => { find("across").hidden = find("kind").value !== "xy"; };
-find("new").onsubmit = (event) => {
+find("new").onsubmit = async (event) => {
   event.preventDefault();
   const [kind, signal, x] = ["kind", "signal", "x"].map((id) => find(id).value.trim());
   if (!signal || (kind === "xy" && !x)) { find(signal ? "x" : "signal").focus(); return; }
+  for (const [id, ...wanted] of [["signal", "time", signal], ...(kind === "xy" ? [["x", "time", x]] : []), ["signal", kind, signal, kind === "xy" ? x : ""]]) {
+    const reason = await refusal(...wanted);
+    if (reason) { refuse(find(id === "x" ? "signal" : "x"), ""); refuse(find(id), reason); return; }
+  }
   state.panes.push(pane([signal], kind === "xy" ? { kind, x } : { kind }));
   find("signal").value = find("x").value = "";
   show();

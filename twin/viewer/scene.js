@@ -61,7 +61,8 @@ function goToTime(at) {
   chart.setTime(at);
   placed();
   moved();
-  if (!playing) { tabulate(); keep(); }
+  tabulate();
+  if (!playing) keep();
 }
 
 function placed() {
@@ -88,15 +89,14 @@ function play() {
     if (next >= end) pause(); else playing = requestAnimationFrame(advance);
   };
   playing = requestAnimationFrame(advance);
-  Object.assign(find("play"), { textContent: "⏸", ariaLabel: "pause" });
+  find("play").ariaLabel = "pause";
 }
 
 function pause() {
   if (!playing) return;
   cancelAnimationFrame(playing);
   playing = 0;
-  Object.assign(find("play"), { textContent: "▶", ariaLabel: "play" });
-  tabulate();
+  find("play").ariaLabel = "play";
   keep();
 }
 

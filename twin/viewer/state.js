@@ -1,7 +1,7 @@
 // What is shown: `state` is stored in the URL; everything else follows from it.
 //
-//   panes:   [{kind: "time" | "xy" | "spectrum", items: [{signal, minus}], x, plot, range, facet, weights}]
-//            minus: a case's number, or a run's as "A"; facet: "" | "variant" | "run", a pane for each; weights: heights of these
+//   panes:   [{kind: "time" | "xy" | "spectrum", items: [{signal, minus}], x, plot, range, facet, weights, variants}]
+//            minus: a case's number, a run's as "A", or a variant's as "=PI"; variants: if set, the only ones of the pane; facet: "" | "variant" | "run", a pane for each; weights: heights of these
 //   cases:   numbers of the shown cases       window: [from, to] or null       cursors: [a, b]
 //   offsets: shift of each run in time [s]    band: seeds as mean and range    time: of the time cursor, or null
 //   scene:   case of the picture, or null     span: of a run in progress, the time that is shown up to now [s], or null
@@ -11,6 +11,7 @@ const source = about.embedded ? new EmbeddedSource(about) : new ServerSource();
 const signals = new Map(about.signals.map((one) => [one.name, one]));
 const heads = new Map(); // of a signal: its units and how it is drawn, once it was read
 const DASHES = [[], [7, 3], [2, 2], [9, 3, 2, 3], [14, 4], [1, 4]];
+const OPACITIES = [1, 0.7, 0.5]; // of seeds
 const GROUPS = 6, FIRST_PLOTS = 2, FIRST_PANES = 4; // shown at first: variants, plots, panes
 const PANES = 24, SAMPLES = 20e6; // at most: panes of an address; samples of seeds that are shown together
 const LATEST = 60; // shown at first of a rig that is followed [s]
@@ -25,7 +26,7 @@ function first() {
   if (about.following && about.embedded && about.plots.every((plot) => !plot.first || [...plot.signals, ...Object.values(plot.bands).flat()].every((name) => about.embedded.some((one) => one.signal === name)))) found.panes = firstPlots(1);
   else if (about.shown_signals.length) found.panes = together(about.shown_signals);
   else if (failed) {
-    found.panes = [pane([failed.signal])];
+    found.panes = [pane([failed.signal], { variants: failed.variants.length ? failed.variants : undefined })];
     const bad = Object.keys(failed.spans).map(Number), shown = new Set(found.cases);
     if (!bad.some((k) => shown.has(k))) found.cases = [bad[0], ...found.cases];
   } else found.panes = firstPlots(new Set(found.cases.map((k) => about.cases[k].variant)).size);
@@ -72,7 +73,7 @@ function remembered() {
     const weights = (one) => (pair(one.weights ?? []) ? (one.weights ?? []).filter((weight) => weight > 0) : []);
     return {
       panes: saved.panes.filter((one) => ["time", "xy", "spectrum"].includes(one.kind)).slice(0, PANES).map((one) => ({
-        ...one, items: items(one), range: range(one), facet: ["variant", "run"].includes(one.facet) ? one.facet : "", weights: weights(one) })),
+        ...one, items: items(one), range: range(one), facet: ["variant", "run"].includes(one.facet) ? one.facet : "", weights: weights(one), variants: Array.isArray(one.variants) ? one.variants : undefined })),
       cases: saved.cases.filter(whole),
       window: pair(saved.window) && saved.window.length === 2 && saved.window[1] > saved.window[0] ? saved.window : null,
       cursors: pair(saved.cursors) ? saved.cursors.slice(0, 2) : [],
@@ -99,11 +100,11 @@ const offset = (number) => state.offsets[about.cases[number].run];
 const unitOf = (signal) => heads.get(signal)?.unit ?? signals.get(signal)?.unit;
 const recorded = (signal, number) => { const one = signals.get(signal); return !one || one.cases === "all" || one.cases.includes(number); };
 
-// the subtracted case: itself, or the same variant and seed of a run
+// the subtracted case: itself, the same variant and seed of a run, or the same run and seed of a variant
 function other(minus, number) {
   if (!letter(minus)) return minus;
-  const { variant, seed } = about.cases[number], run = about.runs.findIndex((one) => one.letter === minus);
-  return about.cases.findIndex((one) => one.run === run && one.variant === variant && one.seed === seed);
+  const own = about.cases[number], { run, variant } = minus.startsWith("=") ? { run: own.run, variant: minus.slice(1) } : { run: about.runs.findIndex((one) => one.letter === minus), variant: own.variant };
+  return about.cases.findIndex((one) => one.run === run && one.variant === variant && one.seed === own.seed);
 }
 
 // cases by run and variant, or each alone
@@ -126,15 +127,15 @@ function groupLabel({ run, variant, cases }) {
 
 // ---- from state to panes of the chart
 
-const lessOf = (minus) => (minus === null ? "" : ` − ${letter(minus) ? minus : about.cases[minus].label}`);
+const lessOf = (minus) => (minus === null ? "" : ` − ${letter(minus) ? minus.replace(/^=/, "") : about.cases[minus].label}`);
 const plotOf = (one) => about.plots.find((each) => each.title === one.plot);
 
 // panes of the chart: those of the state, one for each variant or run where they are split; `place`: index in the state
 function shownPanes() {
   return state.panes.flatMap((one, place) => {
-    const parts = one.facet ? [...new Set(state.cases.map((k) => about.cases[k][one.facet]))] : [null];
+    const own = state.cases.filter((k) => !one.variants || one.variants.includes(about.cases[k].variant)), parts = one.facet ? [...new Set(own.map((k) => about.cases[k][one.facet]))] : [null];
     return parts.map((part, k) => {
-      const cases = part === null ? state.cases : state.cases.filter((number) => about.cases[number][one.facet] === part);
+      const cases = part === null ? own : own.filter((number) => about.cases[number][one.facet] === part);
       return { ...shownPane(one, cases, part === null ? "" : one.facet === "run" ? about.runs[part].letter : part), weight: one.weights[k] || 1, place, part: k };
     });
   });
@@ -168,26 +169,33 @@ function titled(one) {
   return one.plot && (one.items.length > 1 || plotOf(one)?.first) ? one.plot : what;
 }
 
-// The curves of a pane. Colors: signals, else variants and seeds, else runs; dashes: what is left of these.
+// Appearance of a case, whichever cases are shown: its color is of its variant (of its run, if all are of one variant), its dash of its run
+// (of its seed, if there is one run), its opacity of its seed.
+const numberIn = (key) => { const values = [...new Set(about.cases.map((one) => one[key]))]; return { count: values.length, of: new Map(values.map((value, k) => [value, k])) }; };
+const variantNumbers = numberIn("variant"), seedNumbers = numberIn("seed");
+
+function appearance({ run, variant, cases, seed }) {
+  const place = variantNumbers.of.get(variant), number = seed === null || cases.length > 1 ? 0 : seedNumbers.of.get(seed);
+  return { color: variantNumbers.count > 1 ? place : run, opacity: OPACITIES[number % OPACITIES.length], dash: (about.runs.length > 1 ? run : number) + Math.floor(place / 8) };
+}
+
+// The curves of a pane. A single signal has the colors and dashes of its cases; of several signals, each has a color, and each run and variant a dash.
 function drawnBy(one, cases) {
   const several = one.items.length > 1, labels = plotOf(one)?.labels || [], found = [];
   const groups = (minus) => {
     const all = groupsOf(cases, state.band && minus === null);
     return one.kind === "time" ? all : all.map((group) => ({ ...group, cases: group.cases.slice(0, 1) })); // loops and spectra have no mean over seeds
   };
-  const variants = new Set(cases.map((k) => JSON.stringify([about.cases[k].variant, state.band ? null : about.cases[k].seed])));
-  const runs = new Set(cases.map((k) => about.cases[k].run)), colors = new Map(), dashes = new Map();
-  const count = (map, value) => { const name = JSON.stringify(value); if (!map.has(name)) map.set(name, map.size); return map.get(name); };
+  const parts = [...new Set(cases.map((k) => JSON.stringify([about.cases[k].run, about.cases[k].variant])))];
   one.items.forEach((item, i) => {
     const all = groups(item.minus);
     for (const group of all) {
       const line = curveOf(one, item, group);
       if (!line) continue;
-      const { run, variant, seed } = group, name = labels[i] && item.minus === null ? labels[i] : item.signal + lessOf(item.minus);
-      const color = count(colors, several ? i : variants.size > 1 ? [variant, seed] : run);
-      const dash = count(dashes, several ? [run, variant, seed] : variants.size > 1 && runs.size > 1 ? run : 0);
+      const own = appearance(group), name = labels[i] && item.minus === null ? labels[i] : item.signal + lessOf(item.minus);
+      if (several) Object.assign(own, { color: i, dash: parts.indexOf(JSON.stringify([group.run, group.variant])) });
       const label = !several && !(labels[i] && all.length === 1 && plotOf(one).first) ? groupLabel(group) + lessOf(item.minus) : all.length === 1 ? name : `${name}, ${groupLabel(group)}`;
-      found.push({ ...line, color: color % 8, dash: DASHES[dash % DASHES.length], label, about: `${item.signal}: ${signals.get(item.signal)?.about || groupLabel(group)}` });
+      found.push({ ...line, ...own, color: own.color % 8, dash: DASHES[own.dash % DASHES.length], label, about: `${item.signal}: ${signals.get(item.signal)?.about || groupLabel(group)}` });
     }
   });
   return found;

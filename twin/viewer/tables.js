@@ -2,11 +2,19 @@
 
 const digits = (value) => (value === null || value === undefined ? "–" : String(+value.toPrecision(6)));
 const STATISTICS = [["mean", "mean"], ["std", "std"], ["rms", "RMS"], ["low", "min"], ["high", "max"], ["peak_to_peak", "peak to peak"]];
-const SHORT = 120; // after the last change of a window or cursor, until values are requested [ms]
+const SHORT = 150; // shortest time between requests of values [ms]
 
-function tabulate() {
-  clearTimeout(tabulate.due);
-  tabulate.due = setTimeout(summarize, SHORT);
+// request values for what is shown now, again if it changes meanwhile
+async function tabulate() {
+  tabulate.stale = true;
+  if (tabulate.busy) return;
+  tabulate.busy = true;
+  while (tabulate.stale) {
+    await new Promise((done) => setTimeout(done, SHORT));
+    tabulate.stale = false;
+    try { await summarize(); } catch { /* the chart says what is wrong */ }
+  }
+  tabulate.busy = false;
 }
 
 // the window that is summarized: between the cursors, or what is visible
@@ -17,14 +25,13 @@ function summarized() {
 
 async function summarize() {
   if (!find("values").open) return;
-  const lines = [...curves.values()].filter((line) => line.spec.kind === "time" && !chart.dimmed.has(line.name)), window = summarized(), mine = (summarize.count = (summarize.count || 0) + 1);
+  const lines = [...curves.values()].filter((line) => line.spec.kind === "time" && !chart.dimmed.has(line.name)), window = summarized();
   const times = [...state.cursors, ...(state.time === null ? [] : [state.time])], own = (line, list) => list.map((time) => time - offset(line.spec.case));
   const specs = lines.map((line) => ({ ...line.spec, window: own(line, window) }));
-  let values = [], statistics = [];
-  try {
-    [statistics, values] = await Promise.all([source.statistics(specs), times.length ? source.values(specs, lines.map((line) => own(line, times))) : []]);
-  } catch { return; }
-  if (mine !== summarize.count) return;
+  const key = JSON.stringify([specs, lines.map((line) => about.cases[line.spec.case].samples)]); // statistics do not depend on the time cursor
+  const statistics = key === summarize.key ? summarize.statistics : await source.statistics(specs);
+  Object.assign(summarize, { key, statistics });
+  const values = times.length ? await source.values(specs, lines.map((line) => own(line, times))) : [];
   find("summarized").textContent = state.cursors.length === 2 ? "between the cursors" : state.window ? "of the visible time" : "of the whole time";
   find("values").querySelector("div").replaceChildren(valueTable(lines, values, statistics));
 }
@@ -42,18 +49,38 @@ function valueTable(lines, values, statistics) {
       made.deleteCell(-1);
     }
   }
-  let group = "";
-  lines.forEach((line, k) => {
-    const found = statistics[k], unit = found.unit ?? heads.get(line.name)?.unit ?? "", text = (value) => (value === null || value === undefined || !Number.isFinite(value) ? "–" : found.count ? readable(value, found.low, found.high) : number(value, 0));
-    const [one, two] = values[k] || [], at = { A: one, B: two, "B − A": one === null || two === null ? null : two - one, now: (values[k] || [])[state.cursors.length] };
-    const title = `${line.pane.title}${unit ? ` [${unit}]` : ""}`;
-    if (title !== group) row([title], "th").firstChild.colSpan = 4;
-    group = title;
-    const made = row(["", ...cursors.map((name) => text(at[name])), ...STATISTICS.map(([name]) => text(found[name])), number(found.slope ?? NaN, (found.high - found.low) / (to - from) / 1000 || 0), number(found.rate ?? NaN, 0)]);
-    made.firstChild.append(swatch(line), line.label);
-    made.title = `${line.about}; ${(found.count ?? 0).toLocaleString("en-US")} samples`;
+  const entries = lines.map((line, k) => {
+    const [first, second] = values[k] || [];
+    return { line, ...statistics[k], A: first, B: second, "B − A": Number.isFinite(first) && Number.isFinite(second) ? second - first : null, now: values[k]?.[state.cursors.length] };
   });
+  for (const place of new Set(lines.map((line) => line.place))) paneRows(entries.filter(({ line }) => line.place === place), cursors, row);
   return table;
+}
+
+// the rows of the curves of a pane, or of the panes into which it is split: each column has one precision
+function paneRows(entries, cursors, row) {
+  const unit = entries.find((each) => each.unit)?.unit ?? entries[0].line.pane.unit, step = resolution(entries), [from, to] = summarized();
+  const columns = [...[...cursors, ...STATISTICS.map(([name]) => name)].map((name) => [name, step]), ["slope", (10 * step) / (to - from)], ["rate", 0]];
+  const texts = columns.map(([name, own]) => columnTexts(entries.map((each) => each[name]), own));
+  entries.forEach(({ line, count }, k) => {
+    if (line.pane !== entries[k - 1]?.line.pane) row([`${line.pane.title}${unit ? ` [${unit}]` : ""}`], "th").firstChild.colSpan = 4;
+    const made = row(["", ...texts.map((column) => column[k])]);
+    made.firstChild.append(swatch(line), line.label.replace(/, \d+ seeds/, ""));
+    made.title = `${line.label}: ${line.about}; ${(count ?? 0).toLocaleString("en-US")} samples`;
+  });
+}
+
+// what a screen can show of the smallest range of several curves, at most a part of the largest value; 0 if all are constant
+function resolution(entries) {
+  const ranges = entries.map((each) => each.peak_to_peak).filter((range) => range > 0), largest = Math.max(...entries.flatMap(({ low, high }) => [low, high]).filter(Number.isFinite).map(Math.abs), 0);
+  return ranges.length ? Math.max(Math.min(...ranges) / 500, largest * 1e-5) : 0;
+}
+
+// numbers with the digits of a step, all as powers of ten if they are very large or small; without a step: four significant digits
+function columnTexts(values, step) {
+  const sizes = values.filter((value) => Number.isFinite(value) && value !== 0).map(Math.abs), largest = Math.max(...sizes, 0), decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+  const text = !(step > 0) ? (value) => number(value, 0) : largest >= 1e7 || (largest && largest < 1e-3) ? (value) => value.toExponential(3).replace("e+", "e") : (value) => (Math.round(value * 10 ** decimals) === 0 ? 0 : value).toFixed(Math.min(decimals, 12));
+  return values.map((value) => (value === 0 ? "0" : Number.isFinite(value) ? text(value) : "–"));
 }
 
 // ---- metrics and verdicts
@@ -80,8 +107,8 @@ function expectations() {
 function metrics() {
   const box = find("metrics"), own = new Set(state.cases.map((k) => JSON.stringify([about.cases[k].run, about.cases[k].variant])));
   box.hidden = !about.metrics.length;
-  const compared = about.metrics.flatMap((one) => one.rows).filter((row) => row.reference !== null), near = compared.filter((row) => row.verdict === "pass").length;
-  box.querySelector("summary").textContent = compared.length ? `Metrics: ${near} of ${compared.length} as in the paper` : `Metrics: ${about.metrics.length}`;
+  const compared = about.metrics.flatMap((one) => one.rows).filter((row) => row.reference !== null), judged = compared.filter((row) => row.verdict !== "info"), near = judged.filter((row) => row.verdict === "pass").length;
+  box.querySelector("summary").textContent = judged.length ? `Metrics: ${near} of ${judged.length} as in the paper` : compared.length ? `Metrics: ${compared.length} compared, no tolerance given` : `Metrics: ${about.metrics.length}`;
   box.querySelector("div").replaceChildren(...about.metrics.map((one) => {
     const found = element("div", "", { className: "metric" }), table = element("table", ""), reference = one.rows.some((row) => row.reference !== null);
     const title = `${about.runs.length > 1 ? `${about.runs[one.run].letter}: ` : ""}${one.description || one.name}${one.unit ? ` [${one.unit}]` : ""}`;
@@ -91,6 +118,7 @@ function metrics() {
       const made = table.insertRow();
       made.classList.toggle("twin-soft", !own.has(JSON.stringify([one.run, row.variant])));
       [row.variant, row.value, ...(reference ? [row.reference ?? ""] : [])].forEach((text) => { made.insertCell().textContent = text; });
+      if (row.range) made.cells[1].append(" ", element("small", row.range, { title: "lowest and highest value of the seeds" }));
       made.insertCell().append(badge(row.verdict));
     }
     return found;
@@ -100,14 +128,17 @@ function metrics() {
 // show the signal of an expectation or a metric, in its window; of a failed expectation, its first failed span
 function goTo(one) {
   const curve = about.embedded?.find((each) => each.signal === one.signal || each.head.key === one.signal), name = curve ? curve.signal : one.signal;
-  const seen = state.panes.some((each) => each.kind === "time" && each.items.some((item) => item.minus === null && (item.signal === name || heads.get(item.signal)?.key === one.signal)));
-  if (!seen) state.panes.unshift(pane([name]));
+  const variants = one.variants?.length ? one.variants : undefined; // those that are judged
+  const seen = state.panes.some((each) => each.kind === "time" && (!variants || String(each.variants) === String(variants)) && each.items.some((item) => item.minus === null && (item.signal === name || heads.get(item.signal)?.key === one.signal)));
+  if (!seen) state.panes.unshift(pane([name], { variants }));
+  if (variants && !state.cases.some((k) => about.cases[k].run === one.run && variants.includes(about.cases[k].variant)))
+    state.cases = [...state.cases, ...about.cases.flatMap((each, k) => (each.run === one.run && variants.includes(each.variant) ? [k] : []))];
   const bad = Object.keys(one.spans).map(Number), [low, high] = extentOf(), move = state.offsets[one.run];
   if (bad.length) {
     if (!bad.some((k) => state.cases.includes(k))) state.cases = [...state.cases, bad[0]];
     const [from, to] = one.spans[bad.find((k) => state.cases.includes(k))][0], margin = Math.max((to - from) * 0.5, (high - low) * 0.02);
     state.window = [Math.max(from + move - margin, low), Math.min(to + move + margin, high)];
-  } else if (one.rows) state.window = one.begin === null && one.end === null ? null : [(one.begin ?? low - move) + move, (one.end ?? high - move) + move];
+  } else state.window = one.begin === null && one.end === null ? null : [(one.begin ?? low - move) + move, (one.end ?? high - move) + move];
   show();
   find("drawing").scrollIntoView({ block: "nearest" });
 }

@@ -113,8 +113,11 @@ class Verdicts:
             )
             paper = None if result.paper is None else style.number(result.paper)
             value = style.number(result.mean, result.scale)
+            of_seeds = [number for number in result.values.values() if number is not None]
+            low, high = (style.number(edge(of_seeds), result.scale) if of_seeds else "" for edge in (min, max))
             entry["rows"].append(
                 {"variant": result.variant, "verdict": result.verdict, "value": value, "reference": paper}
+                | {"range": f"{low} to {high}" if low != high else ""}
             )
         return list(entries.values())
 

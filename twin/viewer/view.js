@@ -67,6 +67,7 @@ class Panes extends Chart {
 }
 
 function show() {
+  document.querySelectorAll("[aria-invalid=true]").forEach((input) => refuse(input, ""));
   const panes = laid();
   find("chart").style.setProperty("--panes", Math.max(panes.length, 1));
   chart.window = state.window;
@@ -103,6 +104,7 @@ const windowOf = () => state.window || extentOf();
 
 function windowed() {
   const [from, to] = windowOf();
+  find("clear").hidden = !state.cursors.length;
   find("from").value = +readableTime(from, from, to);
   find("to").value = +readableTime(to, from, to);
   find("span").value = state.window ? "" : state.span ?? "";
@@ -112,7 +114,7 @@ function windowed() {
 // user actions on the chart
 function heard(event, detail) {
   if (event === "window") { state.window = detail.all ? null : [detail.from, detail.to]; windowed(); tabulate(); pictured(); keep(); }
-  if (event === "cursors") { state.cursors = [detail.a, detail.b].filter((one) => one !== undefined); tabulate(); keep(); }
+  if (event === "cursors") { state.cursors = [detail.a, detail.b].filter((one) => one !== undefined); find("clear").hidden = !state.cursors.length; tabulate(); keep(); }
   if (event === "time") { pause(); goToTime(detail.at); }
   if (event === "dim") tabulate();
   if (event === "drop") add(detail.name, shown[detail.pane]?.place ?? -1);
@@ -135,6 +137,7 @@ function begin() {
     };
   }
   find("all").onclick = () => { state.window = null; state.span = null; show(); };
+  find("clear").onclick = () => { state.cursors = []; show(); };
   find("span").hidden = !about.growing;
   find("span").onchange = () => { state.window = null; state.span = +find("span").value || null; show(); };
   find("dark").onclick = () => {

@@ -25,6 +25,7 @@ STATIC = Path(__file__).parent / "static"
 CHART = ("scale.js", "samples.js", "painter.js", "pointer.js", "chart.js")
 VIEWS = ("draw.js", "view_bench.js", "view_rig.js", "view_scene.js", "view_vessel.js", "views.js")
 IMPORT = re.compile(r"^import (\{.*?\}) from \"\./(\w+)\.js\";$", re.MULTILINE)
+COMMENT = re.compile(r"^ *//.*\n", re.MULTILINE)
 EXPORT = re.compile(r"^export ((?:async )?(?:const|class|function) (\w+))", re.MULTILINE)
 
 
@@ -47,8 +48,8 @@ def wrap_module(file: Path) -> str:
 
 
 def replace_imports(text: str) -> str:
-    """Return a module's text with its imports from modules that are objects."""
-    return IMPORT.sub(r"const \1 = \2_module;", text)
+    """Return a module's text with its imports from modules that are objects, without lines of comments."""
+    return IMPORT.sub(r"const \1 = \2_module;", COMMENT.sub("", text))
 
 
 def read_static(name: str) -> str:

@@ -1,7 +1,7 @@
 // Panes of curves over one axis, drawn on a canvas. Independent of the server: samples come from a `source`.
 //
 //   new Chart(element, {panes, source, span, follow, notify, marks})
-//   panes:  [{title, unit, weight, curves: [{name, label, color, step, dash, faint, low, high, about}], band: [low, high], lines: [y], own, log,
+//   panes:  [{title, unit, weight, curves: [{name, label, color, step, dash, opacity, faint, low, high, about}], band: [low, high], lines: [y], own, log,
 //            x: {label, unit}, spans: [{from, to}], range: [low, high], limits: [{y, from, to, failed}]}]
 //           `weight`: height relative to other panes. `own`: over its own x instead of time (x-y, spectra). log: "", "x", "y", "xy"
 //           of a curve, other curves of the source: `faint`, drawn faintly behind it; `low` and `high`, with a filled area between them
@@ -69,7 +69,7 @@ export class Chart {
     this.resize();
     this.stale = true;
   }
-  setMarks(marks) { this.marks = marks; this.draw(); }
+  setMarks(marks) { this.marks = marks; this.measure(); this.draw(); }
   setWindow(from, to) {
     this.follow = false;
     this.window = from === null || to === null ? null : [from, to];
@@ -89,10 +89,11 @@ export class Chart {
   legend(pane, index) {
     const row = document.createElement("div");
     row.className = "twin-legend";
-    const title = row.appendChild(document.createElement("span"));
+    const names = row.appendChild(document.createElement("div")), title = names.appendChild(document.createElement("span"));
+    names.className = "twin-names";
     title.className = "twin-pane-title";
     title.textContent = [pane.title, pane.unit && `[${pane.unit}]`].filter(Boolean).join(" ");
-    pane.curves.forEach((curve) => row.append(this.chip(curve, index)));
+    names.append(...pane.curves.map((curve) => this.chip(curve, index)));
     pane.instant = title.appendChild(document.createElement("span"));
     return row;
   }
@@ -125,10 +126,10 @@ export class Chart {
   showReadout(hover) {
     const title = document.createElement("b");
     title.textContent = hover.title;
-    this.readout.replaceChildren(title, ...hover.rows.map(({ color, label, text }) => {
+    this.readout.replaceChildren(title, ...hover.rows.map(({ label, text, ...curve }) => {
       const row = document.createElement("div"), value = document.createElement("span");
       value.textContent = text;
-      row.append(swatch({ color }), label, value);
+      row.append(swatch(curve), label, value);
       return row;
     }));
     const { offsetWidth: wide, offsetHeight: tall } = this.readout, { clientX: x, clientY: y } = hover;
@@ -183,15 +184,21 @@ export class Chart {
   // heights of the legends; they change when names wrap
   measure() {
     const heads = [...this.legends.children].map((one) => Math.max(one.offsetHeight + 4, ROW));
+    const below = this.below(), fixed = [...heads, ...below].reduce((a, b) => a + b, GAP * Math.max(this.panes.length - 1, 0));
+    this.element.style.setProperty("--heads", `${fixed}px`);  // for the least height of the panes in the style of the viewer
     if (String(heads) === String(this.heads)) return;
     this.heads = heads;
-    this.element.style.setProperty("--heads", `${heads.reduce((a, b) => a + b, 0)}px`);  // for the least height of the page's style
     this.draw();
   }
 
+  // heights below the panes, where numbers of an axis and names of marks stand
+  below() {
+    const timed = this.panes.findLastIndex((pane) => !pane.own);
+    return this.panes.map((pane, index) => (pane.own || index === timed ? BOTTOM : 0) + (index === timed && this.marks.length ? STRIP : 0));
+  }
+
   places() {
-    const timed = this.panes.findLastIndex((pane) => !pane.own), heads = this.panes.map((_, index) => this.heads?.[index] || ROW);
-    const below = this.panes.map((pane, index) => (pane.own || index === timed ? BOTTOM : 0) + (index === timed && this.marks.length ? STRIP : 0));  // where numbers of an axis stand
+    const heads = this.panes.map((_, index) => this.heads?.[index] || ROW), below = this.below();
     const weights = this.panes.map((pane) => pane.weight || 1), sum = (list) => list.reduce((a, b) => a + b, 0);
     const rest = Math.max(this.height - sum(heads) - sum(below) - GAP * (this.panes.length - 1), 0);
     this.unit = rest / (sum(weights) || 1);  // pixels of a weight of one
@@ -276,10 +283,10 @@ export class Chart {
 }
 
 // a piece of a curve as it is drawn
-export function swatch({ color, dash }) {
+export function swatch({ color, dash, opacity }) {
   const picture = document.createElementNS(SVG, "svg"), line = picture.appendChild(document.createElementNS(SVG, "line"));
   picture.setAttribute("class", "twin-swatch");
   for (const [name, value] of Object.entries({ x1: 0, x2: 22, y1: 4, y2: 4, "stroke-dasharray": (dash || []).join(" ") })) line.setAttribute(name, value);
-  line.style.stroke = `var(--line-${color % 8})`;
+  Object.assign(line.style, { stroke: `var(--line-${color % 8})`, opacity });
   return picture;
 }

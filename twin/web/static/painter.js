@@ -7,6 +7,7 @@ export const RIGHT = 14;
 export const GAP = 10;    // between panes
 export const BOTTOM = 26; // for the numbers of an axis
 export const STRIP = 16;  // for the names of marks
+const LEVELS = 3, TALL = 80; // least ticks of a vertical axis of at least this height [px]
 const NOTHING = { x: [], y: [] }, FAINT = 0.35, DIMMED = 0.12, AREA = 0.2;
 
 // what stays while pointer, cursors and time move; `paintOverlays` copies it
@@ -64,7 +65,7 @@ function drawPane(chart, context, pane, box, last) {
   clip(chart, context, box);
   context.lineJoin = "round"; context.lineWidth = 1.4;
   pane.curves.forEach((curve, k) => {
-    const part = chart.dimmed.has(curve.name) ? DIMMED : 1;
+    const part = chart.dimmed.has(curve.name) ? DIMMED : curve.opacity ?? 1;
     context.strokeStyle = context.fillStyle = chart.colors.lines[curve.color % 8];
     context.globalAlpha = AREA * part;
     if (curve.low) fillBetween(context, of(curve.low), of(curve.high), box);
@@ -97,7 +98,7 @@ function drawFrame(chart, context, pane, box, last) {
     context.fillRect(LEFT, box.down(pane.band[1]), width, box.down(pane.band[0]) - box.down(pane.band[1]));
   }
   context.strokeStyle = colors.grid; context.fillStyle = colors.text; context.lineWidth = 1;
-  const rows = box.logY ? decades(box.low, box.high) : ticks(box.low, box.high, box.height / 34);
+  const rows = box.logY ? decades(box.low, box.high) : levels(box);
   context.textAlign = "right"; context.textBaseline = "middle";
   for (const y of rows.at) {
     const at = Math.round(box.down(y)) + 0.5;
@@ -108,6 +109,13 @@ function drawFrame(chart, context, pane, box, last) {
   context.setLineDash([4, 4]); context.strokeStyle = colors.text;
   for (const y of pane.lines || []) line(context, LEFT, box.down(y), LEFT + width, box.down(y));
   context.setLineDash([]);
+}
+
+// ticks of a vertical axis: three or more, unless it is too short for their numbers
+function levels({ low, high, height }) {
+  let count = height / 34, rows = ticks(low, high, count);
+  while (rows.at.length < LEVELS && height >= TALL && count < 20) rows = ticks(low, high, (count += 1));
+  return rows;
 }
 
 function drawColumns(context, pane, box, width, numbered) {

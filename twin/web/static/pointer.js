@@ -126,7 +126,7 @@ function rowOf(chart, pane, box, curve, k) {
   const value = (data, index) => (box.logY ? number(data.y[index], 0) : readable(data.y[index], box.low, box.high));
   const own = chart.data[curve.name], [low, high] = [chart.data[curve.low], chart.data[curve.high]];
   const band = low?.x.length && high?.x.length ? ` (${value(low, extremeAt(low, own.x[k], box, -1))} to ${value(high, extremeAt(high, own.x[k], box, 1))})` : "";
-  return { color: curve.color, label: curve.label || curve.name, text: `${value(own, k)} ${pane.unit || ""}${band}` };
+  return { color: curve.color, dash: curve.dash, opacity: curve.opacity, label: curve.label || curve.name, text: `${value(own, k)} ${pane.unit || ""}${band}` };
 }
 
 // index of the lowest (-1) or highest (1) of the samples that are drawn on the pixel of an x

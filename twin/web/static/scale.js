@@ -10,10 +10,18 @@ export function ticks(low, high, count) {
   return { at, step };
 }
 
+// 1, 2 and 5 times the powers of ten of a range
+function halves(low, high) {
+  const at = [];
+  for (let k = Math.floor(Math.log10(low)); k <= Math.log10(high); k++) at.push(...[1, 2, 5].map((one) => one * Math.pow(10, k)));
+  return at.filter((one) => one >= low && one <= high);
+}
+
 export function decades(low, high) {
   const at = [];
   if (!(low > 0) || !isFinite(high)) return { at, step: 0 };
   for (let k = Math.ceil(Math.log10(low)); k <= Math.floor(Math.log10(high) + 1e-9); k++) at.push(Math.pow(10, k));
+  if (at.length < 3) return high / low > 20 ? { at: halves(low, high), step: 0 } : ticks(low, high, 4);
   return { at: at.length > 8 ? at.filter((_, k) => k % Math.ceil(at.length / 8) === 0) : at, step: 0 };
 }
 
