@@ -77,6 +77,7 @@ class Master:
         self.closed_switches: list[str] = []  # limit switches that drives reported after the stop
         self.fault_texts: list[str] = []  # texts of drives in Fault after the stop
         self.announce: Callable[[Master], None] | None = None  # before anything is written
+        self.armed = True  # outputs may switch
         self.running = False
         self._beating = False
         self._beat_due = self._beat_at = 0  # of this program's heartbeat: the next and the last one [ns]

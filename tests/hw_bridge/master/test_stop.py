@@ -120,7 +120,7 @@ def test_a_program_that_stood_while_a_drive_homed_does_not_enable_it_again(build
             rig.drive.dictionary.effects[0x6040] = lambda entry: (controlled(entry), states.append(rig.drive.state))
 
     monkeypatch.setattr(Master, "wait", wait)
-    with pytest.raises(SimulationError, match="this program stood for 20.. ms, longer than heartbeat.lost_after"):
+    with pytest.raises(SimulationError, match=r"this program stood for 20.. ms, longer than heartbeat\.lost_after"):
         rig.go(1)
     assert states[0] is State.QUICK_STOP
     assert State.ENABLED not in states
@@ -143,7 +143,7 @@ def test_a_program_that_stood_between_its_checks_and_its_targets_does_not_enable
             rig.drive.dictionary.effects[0x6040] = lambda entry: (controlled(entry), states.append(rig.drive.state))
 
     monkeypatch.setattr(rig.session.orders, "set_targets", set_targets)
-    with pytest.raises(SimulationError, match="this program stood for 1... ms, longer than heartbeat.lost_after"):
+    with pytest.raises(SimulationError, match=r"this program stood for 1... ms, longer than heartbeat\.lost_after"):
         rig.go(10)
     assert states[0] is State.QUICK_STOP
     assert State.ENABLED not in states
