@@ -314,8 +314,6 @@ class Master:
             if self.foreign_master.text:
                 raise SimulationError(self.foreign_master.text)
             self.run_cycle()
-            if watch is not None:
-                watch()
             for station in self.stations.values():
                 if station.boots:
                     raise SimulationError(
@@ -326,6 +324,8 @@ class Master:
                     raise SimulationError(
                         f"{station.name}: no {missing} while it was brought up.{self.emergencies()} Check its power and the bus."
                     )
+            if watch is not None:  # what a node sends that has restarted is not in the run's mapping
+                watch()
 
     def emergencies(self) -> str:
         """EMCY messages received, as a sentence with a leading space."""
