@@ -171,11 +171,11 @@ def switching(keys: HardwareKeys) -> list[str]:
 
 
 def _unknown_objects(node: NodeKeys) -> list[tuple[int, int]]:
-    known = {(entry.index, entry.sub) for entry in node.drive.objects}
+    profile_objects = {(entry.index, entry.sub) for entry in node.drive.objects}
     return [
         (index, sub)
         for index, sub in node.objects
-        if acting.switches(node.drive, index, is_in_profile=(index, sub) in known)
+        if acting.switches(node.drive, index, is_in_profile=(index, sub) in profile_objects)
     ]
 
 

@@ -93,7 +93,7 @@ def inspect(node: Node) -> Inspection:
 
 
 def _sdo_servers(node: Node) -> Iterator[str]:
-    """Yield enabled SDO servers beside the default one: a run does not monitor their requests."""
+    """Yield enabled SDO servers other than the default one: a run does not monitor their requests."""
     for index in MORE_SDO_SERVERS:
         try:
             identifier = node.sdo.number(index, 1)
