@@ -17,6 +17,7 @@ from hw_bridge.dictionary import Mode, State
 from hw_bridge.hardware import stall_bounds
 from hw_bridge.master import Master
 from hw_bridge.plant import bench_network
+from hw_bridge.profiles import acting
 from hw_bridge.session import Observers
 from hw_bridge.trace import Watch
 from twin.errors import ScenarioError, SimulationError
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hw_bridge.bus import Network, Observer
-    from hw_bridge.hardware import HardwareKeys
+    from hw_bridge.hardware import HardwareKeys, NodeKeys
     from hw_bridge.master import Node
     from twin.component import Component
     from twin.scenario import ScenarioSpec
@@ -51,6 +52,7 @@ def rehearse(
     writes = [] if writes is None else writes
     line = SdoSession(network, keys.nodes)
     master = Master(keys, network)
+    master.armed = armed
     try:
         results = without_power(line, master, rotary, armed, writes)
     except SimulationError as error:
@@ -163,8 +165,18 @@ def _amount(name: str, value: float, to_text: Callable[[float], str], newton: st
 
 
 def switching(keys: HardwareKeys) -> list[str]:
-    """Drives and modules whose outputs are written by a set-up."""
-    return [*(name for name, node in keys.nodes.items() if node.safe_outputs is not None), *keys.modules]
+    """Drives and modules whose outputs are written by a set-up, also by objects of the vendor that no profile has."""
+    nodes = [name for name, node in keys.nodes.items() if node.safe_outputs is not None or _unknown_objects(node)]
+    return [*nodes, *keys.modules]
+
+
+def _unknown_objects(node: NodeKeys) -> list[tuple[int, int]]:
+    profile_objects = {(entry.index, entry.sub) for entry in node.drive.objects}
+    return [
+        (index, sub)
+        for index, sub in node.objects
+        if acting.switches(node.drive, index, is_in_profile=(index, sub) in profile_objects)
+    ]
 
 
 def extremes(
@@ -190,8 +202,8 @@ class DryHardware(Hardware):
         """Return the scenario on simulated drives, if the bus could be brought up without power."""
         if not self.armed and (names := switching(self.real)):
             raise ScenarioError(
-                f"{self.path}: a dry run sets the outputs of {', '.join(names)} to their safe levels, which may switch valves "
-                f"and brakes. Add --arm if nobody is in their way."
+                f"{self.path}: a dry run sets the outputs of {', '.join(names)} to their safe levels, or writes objects that no profile "
+                f"has: valves and brakes may switch. Add --arm if nobody is in their way."
             )
         applied = super().apply(scenario)
         self.rehearsal_results = rehearse(

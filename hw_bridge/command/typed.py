@@ -59,6 +59,7 @@ class Typed:
         self._listener: threading.Thread | None = None
         self._held = (0.0, -math.inf)  # how far, renewed when
         self._lock = threading.Lock()
+        self._stop_count = 0
 
     # --------------------------------------------------------------------------------------------------- what goes on
 
@@ -93,10 +94,12 @@ class Typed:
     def begin(
         self, word: str, node: str = "", options: Sequence[str] = (), speed: tuple[float, str] = (0.0, "")
     ) -> None:
-        """Start a command; TwinError if another one runs, if the session uses the drives, or if they are not armed.
+        """Start a command; TwinError if another one runs, if the session uses the drives, if they are not armed, or if
+        STOP was pressed while it waited for the live state to end.
 
         `speed`: of a jog with its unit, as shown on the page.
         """
+        stop_count = self._stop_count
         with self.console.lock, self._lock:
             if self.running:
                 raise TwinError(f"twin hil {self.word} goes on. End it first.")
@@ -110,11 +113,16 @@ class Typed:
                 )
             words = [word, str(self.file), node] if word == "reset" else [word, node, "-f", str(self.file)]
             words = [*filter(None, words), *options, *(["--arm"] if word in MOVES and self.console.arm else [])]
+            self.watch.pause()
+            if self._stop_count != stop_count:
+                self.watch.resume()
+                raise TwinError(f"twin hil {word}: stopped before it began.")
             self.line = shlex.join(["twin", "hil", *words])
             self.word, self.node, self.speed, self.text = word, node, speed, ""
             self._held = (0.0, -math.inf)
-            self.watch.pause()
             self._start([*words, "--build", str(self.console.build)], word in MOVES)
+            if self._stop_count != stop_count:  # meanwhile: there was no process yet
+                self.stop()
             self.changed += 1
 
     def _start(self, words: list[str], attended: bool) -> None:
@@ -195,6 +203,7 @@ class Typed:
 
     def stop(self) -> None:
         """Stop at once, as Ctrl-C does."""
+        self._stop_count += 1
         process = self.process
         if process is not None and process.poll() is None:
             process.send_signal(signal.SIGINT)

@@ -9,7 +9,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.commission.objects import format_value
-from hw_bridge.dictionary import U8, U16, U32, Entry, cia402
+from hw_bridge.dictionary import U8, U16, U32, Entry, cia301, cia402
 from hw_bridge.hardware import format_quantity, motor_data
 from hw_bridge.master import SdoError, setup
 from hw_bridge.profiles import symbol
@@ -58,6 +58,7 @@ MORE: dict[Address, Entry] = {
     )
 }
 COASTS = 0  # of 605Ah: the power stage goes off at once
+MORE_SDO_SERVERS = range(0x1201, 0x1280)  # CiA 301; 1200h is the default one, whose requests a run monitors
 STAYS_OPERATIONAL = 1  # of 1029h.1
 BLOCK_METHODS = range(-4, 0)  # against an end stop
 
@@ -86,7 +87,23 @@ def inspect(node: Node) -> Inspection:
             if address[1] in node.mirror.objects.get(address[0], {}):
                 node.mirror.values[address] = value
             rows.append((f"{address[0]:04X}h.{address[1]}", entry.label, format_value(node, entry, value)))
-    return Inspection({group: rows for group, rows in groups.items() if rows}, list(_notes(node, values)))
+    return Inspection(
+        {group: rows for group, rows in groups.items() if rows}, [*_notes(node, values), *_sdo_servers(node)]
+    )
+
+
+def _sdo_servers(node: Node) -> Iterator[str]:
+    """Yield enabled SDO servers other than the default one: a run does not monitor their requests."""
+    for index in MORE_SDO_SERVERS:
+        try:
+            identifier = node.sdo.number(index, 1)
+        except SdoError:
+            return
+        if not identifier & cia301.INVALID:
+            yield (
+                f"{node.name}: {index:04X}h is a second SDO server, at {identifier & 0x1FFFFFFF:X}h: what another program writes "
+                f"there is not noticed during a run. Set bit 31 of {index:04X}h.1 if nothing needs it."
+            )
 
 
 def _scale(node: Node) -> list[tuple[str, str, str]]:

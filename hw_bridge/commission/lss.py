@@ -10,7 +10,7 @@ from canopen.lss import LssError, LssMaster
 from hw_bridge.bus import MILLISECOND, Frame
 from hw_bridge.commission.nvm import FLASH
 from hw_bridge.commission.sdo_session import MOVING
-from hw_bridge.dictionary import cia301, state_of
+from hw_bridge.dictionary import NmtState, cia301, state_of
 from hw_bridge.master import SdoError, SilentError
 from twin.errors import SimulationError
 
@@ -125,10 +125,17 @@ def configure(
 
 
 def assert_not_running(sdo_session: SdoSession, node: int) -> None:
-    """Raise SimulationError for a drive that another program drives; other devices have no statusword or no SDO."""
+    """Raise SimulationError for a drive that another program drives, or one in NMT Stopped, which may still move.
+
+    Other devices have no statusword or no SDO.
+    """
     with suppress(SilentError, SdoError):
         if state_of(sdo_session.client(node).number(0x6041) & 0xFFFF) in MOVING:
             raise SimulationError(f"LSS: node {node} is driven by somebody. End that program first.")
+    if sdo_session.states.get(node) is NmtState.STOPPED:
+        raise SimulationError(
+            f"LSS: node {node} is in NMT Stopped: whether it moves is not known. Bring it to rest: twin hil disable {node}."
+        )
 
 
 def answers(sdo_session: SdoSession, node: int) -> bool:
@@ -137,8 +144,8 @@ def answers(sdo_session: SdoSession, node: int) -> bool:
     client.attempts = 1
     try:
         client.number(0x1000)
-    except SilentError:
-        return False
+    except SilentError:  # in NMT Stopped a node takes no SDO, but sends its heartbeat
+        return node in sdo_session.states
     finally:
         sdo_session.states.pop(node, None)
     return True

@@ -52,10 +52,13 @@ def unrestored_objects(node: Station, folder: Path) -> list[str]:
         journal.close()
 
 
-def restore_journal(sdo_session: SdoSession, node: Station, folder: Path) -> restoration.Restored | None:
+def restore_journal(
+    sdo_session: SdoSession, node: Station, folder: Path, armed: bool = True
+) -> restoration.Restored | None:
     """Restore what a run left by the drive's journal in `folder`; None where there is none.
 
-    SimulationError if the journal is damaged or of another drive, or if the drive is enabled; it is kept then.
+    SimulationError if the journal is damaged or of another drive, or if the drive is enabled; it is kept then. Not
+    `armed`: nothing that may switch an output.
     """
     if not journal_path(folder, restoration.identity_of(node)).exists():
         return None
@@ -64,7 +67,7 @@ def restore_journal(sdo_session: SdoSession, node: Station, folder: Path) -> res
     try:
         sdo_session.nmt(cia301.PRE_OPERATIONAL, node.number)
         sdo_session.wait(SETTLE)
-        return restoration.restore(node)
+        return restoration.restore(node, armed)
     finally:
         node.journal.close()
 

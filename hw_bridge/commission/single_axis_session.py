@@ -79,6 +79,7 @@ class SingleAxisSession:
     @contextmanager
     def enabled(self, start: float = 0.0, homed: NodeKeys | None = None) -> Iterator[SingleAxisSession]:
         """Enable the drive; the master stops it at the end in every case."""
+        has_failed = False
         with hangup_as_interrupt():
             try:
                 self.master.begin({self.node.name: start})
@@ -89,10 +90,13 @@ class SingleAxisSession:
                 self.due = self.network.now
                 yield self
             except SimulationError as error:
+                has_failed = True
                 self.master.stop()
                 raise SimulationError(self.master.describe_failure(str(error))) from error
             finally:
                 self.master.stop()
+                if not has_failed:  # else the failure names them
+                    self.master.notes += self.master.fault_texts
 
     def _count_from_reference(self, keys: NodeKeys) -> None:
         """Use the reference of a drive that was homed since power-on."""

@@ -113,9 +113,8 @@ class Homing:
         setup.write_if_present(node, 0x6099, 2, max(speed // 2, 1))
         node.homing, node.goal = True, State.ENABLED
         until(lambda: node.state is State.ENABLED, RAMP_UP, lambda: f"{self.title}: {node.state}", self.watch)
-        for _ in range(4):
-            self.master.run_cycle()
-            self.watch()
+        cycles = iter(range(4))
+        until(lambda: next(cycles, None) is None, RAMP_UP, lambda: self.title, self.watch)
         until(self._done, keys.timeout, lambda: f"{self.title} did not end", self.watch)
         node.homing, node.goal = False, State.DISABLED
         until(lambda: node.state in AT_REST, RAMP_UP, lambda: node.name)

@@ -77,9 +77,11 @@ class Master:
         self.closed_switches: list[str] = []  # limit switches that drives reported after the stop
         self.fault_texts: list[str] = []  # texts of drives in Fault after the stop
         self.announce: Callable[[Master], None] | None = None  # before anything is written
+        self.armed = True  # outputs may switch
         self.running = False
         self._beating = False
-        self._beat_due = 0
+        self._beat_due = self._beat_at = 0  # of this program's heartbeat: the next and the last one [ns]
+        self._longest_gap = 0  # between two of them [ns]
         self._uneven = 0  # position in the pattern of uneven SYNCs
         self._exchanged = self._synced = 0  # when the last targets, and the last SYNC, went out [ns]
         self.shortest = int(SHORTEST * self.cycle)
@@ -116,6 +118,7 @@ class Master:
         network = self.network
         while True:
             if self._beating and network.now >= self._beat_due:
+                self._longest_gap, self._beat_at = self._heartbeat_gap(), network.now
                 network.send(Frame(cia301.ERROR_CONTROL + self.keys.master, bytes([ALIVE])))
                 self._beat_due = network.now + min(station.keys.heartbeat.every for station in self.stations.values())
             network.advance(min(until, self._beat_due) if self._beating else until, done)
@@ -125,6 +128,19 @@ class Master:
     def nmt(self, command: int, number: int) -> None:
         """Send an NMT command to one node: others on the bus may belong to another program."""
         self.network.send(Frame(cia301.NMT, bytes([command, number])))
+
+    def _heartbeat_gap(self) -> int:
+        """Longest time without this program's heartbeat until now [ns]."""
+        return max(self._longest_gap, self.network.now - self._beat_at)
+
+    def _check_own_heartbeat(self) -> None:
+        """Raise SimulationError if drives missed this program's heartbeat: a controlword could enable one that stopped."""
+        longest = min(station.keys.heartbeat.lost_after for station in self.stations.values())
+        if self._beating and (gap := self._heartbeat_gap()) > longest:
+            raise SimulationError(
+                f"this program stood for {gap / 1e6:.0f} ms, longer than heartbeat.lost_after: the drives stop by themselves. "
+                f"Begin anew."
+            )
 
     def end_heartbeat(self) -> None:
         """Stop sending the heartbeat: each drive then stops by itself, as its 1016h and 6007h say."""
@@ -137,6 +153,8 @@ class Master:
         After a late SYNC the next periods are shorter: two SYNCs at once would give a drive without interpolation twice
         the distance in one step.
         """
+        if self.running:  # not during a stop, whose controlwords enable nothing
+            self._check_own_heartbeat()
         elapsed, self._exchanged = self.network.now - self._exchanged, self.network.now
         for station in self.stations.values():
             station.update_age(self.network.now)
@@ -216,7 +234,7 @@ class Master:
                     setup.configure(station, self._target_period(station), self.keys.master)
                 else:
                     station.configure(self.keys.master)
-        self._beating, self._beat_due = True, self.network.now
+        self._beating, self._beat_due, self._beat_at = True, self.network.now, self.network.now
         for station in self.stations.values():
             self.nmt(cia301.START, station.number)
             station.started, station.last_heartbeat_at = True, self.network.now
@@ -295,18 +313,7 @@ class Master:
                 raise SimulationError(f"{' '.join(self.faults())}{self.emergencies()} {RESET}")
             if self.foreign_master.text:
                 raise SimulationError(self.foreign_master.text)
-            begin, longest = (
-                self.network.now,
-                min(station.keys.heartbeat.lost_after for station in self.stations.values()),
-            )
             self.run_cycle()
-            if (elapsed := self.network.now - begin) > longest:  # a controlword could enable a drive again that stopped
-                raise SimulationError(
-                    f"this program stood for {elapsed / 1e6:.0f} ms while drives were brought up, longer than "
-                    f"heartbeat.lost_after: they stop by themselves. Begin anew."
-                )
-            if watch is not None:
-                watch()
             for station in self.stations.values():
                 if station.boots:
                     raise SimulationError(
@@ -317,6 +324,8 @@ class Master:
                     raise SimulationError(
                         f"{station.name}: no {missing} while it was brought up.{self.emergencies()} Check its power and the bus."
                     )
+            if watch is not None:  # what a node sends that has restarted is not in the run's mapping
+                watch()
 
     def emergencies(self) -> str:
         """EMCY messages received, as a sentence with a leading space."""

@@ -10,7 +10,7 @@ from hw_bridge.dictionary import State, cia301, cia401, cia402, state_of
 from hw_bridge.journal import DriveIdentity, JournalFile, ObjectChange, bus_folder, journal_path
 from hw_bridge.master.sdo import SdoError
 from hw_bridge.master.writes import LONGEST, PDOS, download, upload
-from hw_bridge.profiles import SCALING
+from hw_bridge.profiles import SCALING, acting
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -43,19 +43,26 @@ class Restored:
     failed: list[str] = field(default_factory=list)
 
 
-def restore(station: Station) -> Restored:
+def restore(station: Station, armed: bool = True) -> Restored:
     """Write back and verify all objects in the station's journal. Its power is off, and it is in Pre-operational.
 
     Order (CiA 301): disable all changed PDOs; scaling, then all else, last written first; mappings as count
     0, entries, count; kinds and times; COB-IDs with their valid bit; heartbeats. A mapping of which an entry is refused
-    stays empty: its frames would act on another object. SimulationError if it is enabled.
+    stays empty: its frames would act on another object. SimulationError if it is enabled. Not `armed`: objects that may
+    switch outputs are not restored, and stay in the journal.
     """
     journal, result = station.journal, Restored()
     refuse_enabled(station)
     keep = _retained_changes(station, journal)
     result.retained = [journal.changes[address].name for address in keep]
     journal.settle(keep)
-    changes = [change for change in journal.changes.values() if change.before]
+    switching = [] if armed else [change for change in journal.changes.values() if _switches(station, change)]
+    result.failed += [
+        f"{station.name}: {change.name} was {_hex(change.before)} and may switch outputs, such as a valve or a brake: add --arm "
+        f"if nobody is in their way."
+        for change in switching
+    ]
+    changes = [change for change in journal.changes.values() if change.before and change not in switching]
     pdos = _changed_pdos(station, [change for change in changes if change.index in PDOS])
     others = sorted((change for change in reversed(changes) if change.index not in PDOS), key=_rank)
     temporary = [*_excluded_counts(station, pdos), *_excluded_identifiers(station, pdos)]
@@ -75,6 +82,11 @@ def restore(station: Station) -> Restored:
                 f"or one of its entries."
             )
     return result
+
+
+def _switches(station: Station, change: ObjectChange) -> bool:
+    is_in_profile = change.sub in station.mirror.objects.get(change.index, {})
+    return acting.switches(station.profile, change.index, is_in_profile)
 
 
 def _changed_pdos(station: Station, changes: list[ObjectChange]) -> list[ObjectChange]:
@@ -259,7 +271,7 @@ def begin(master: Master) -> None:
         if not (count := len(station.journal.changes)):
             continue
         master.nmt(cia301.PRE_OPERATIONAL, station.number)
-        result = restore(station)
+        result = restore(station, master.armed)
         if result.failed:
             raise SimulationError([*result.failed, f"{station.name}: an earlier run left these. The journal is kept."])
         master.recovered.append(
@@ -286,7 +298,7 @@ def _finish(master: Master, station: Station) -> None:
     station.sdo.number(0x1000)  # a node that is gone is given up here
     station.sdo.attempts = ATTEMPTS
     master.nmt(cia301.PRE_OPERATIONAL, station.number)
-    result = restore(station)
+    result = restore(station, master.armed)
     if result.failed or result.foreign:
         master.notes += [*result.failed, *result.foreign]
     master.restorations.append(

@@ -148,7 +148,7 @@ class Stop:
             for node in master.nodes.values():
                 if node.nmt_state is None:
                     self._command(node)
-                if node.silent:
+                if node.silent or not master.has_mapping(node):  # its process data may mean something else
                     self._poll_by_sdo(node)
                 if node.goal is State.QUICK_STOP and self._confirmed(node) and self._stands(node):
                     self._order(node, State.DISABLED)
@@ -158,7 +158,7 @@ class Stop:
         return node.goal is State.DISABLED and self._confirmed(node) and node.state in AT_REST
 
     def _poll_by_sdo(self, node: Node) -> None:
-        """Read state and speed by SDO of a drive without process data; repeat the command while it does not act."""
+        """Read state and speed by SDO of a drive without process data of the run; repeat the command while it does not act."""
         node.sdo.attempts, node.sdo.timeout = 1, SDO_TIMEOUT
         with suppress(SimulationError):
             node.word = setup.read(node, 0x6041)

@@ -191,9 +191,9 @@ def restore_command(
 ) -> None:
     """Give NODE what it held before a run that was killed, by its journal; with FILE what a dump says.
 
-    Without NODE all nodes that answer and have a journal. Every value is read back. With FILE, node-ID, bit rate, levels
-    of outputs and what moves a drive stay as they are, and functions of pins need --arm; look first with compare. Refused
-    while somebody drives it. Exit code 1 if the drive refuses anything.
+    Without NODE all nodes that answer and have a journal. Every value is read back. Functions of pins, and objects of the
+    vendor that the profile does not have, need --arm. With FILE, node-ID, bit rate, levels of outputs and what moves a
+    drive stay as they are; look first with compare. Refused while somebody drives it. Exit code 1 if the drive refuses anything.
 
     \b
     twin hil restore -f my_bench.yaml
@@ -206,20 +206,22 @@ def restore_command(
         from hw_bridge.commission import scan
 
         nodes = [str(scanned.node) for scanned in scan(sdo_session) if not scanned.problem] if node is None else [node]
-        results = [restore_unfinished(bus, sdo_session, item, profile) for item in nodes]
+        results = [restore_unfinished(bus, sdo_session, item, profile, arm) for item in nodes]
     if not any(result is not None for result in results):
         say("No run left anything to restore.")
     if any(result is False for result in results):
         sys.exit(1)
 
 
-def restore_unfinished(bus: BusChoice, sdo_session: SdoSession, node: str, profile: str | None) -> bool | None:
+def restore_unfinished(
+    bus: BusChoice, sdo_session: SdoSession, node: str, profile: str | None, arm: bool = False
+) -> bool | None:
     """Restore what a run left in one node; return whether all is restored, None where there is no journal."""
     from hw_bridge.commission import nvm, objects
 
     station = sdo_session.node(node, profile or "")
     objects.learn(station)
-    if (restored := nvm.restore_journal(sdo_session, station, bus.journals)) is None:
+    if (restored := nvm.restore_journal(sdo_session, station, bus.journals, arm or bus.is_software)) is None:
         return None
     for text in (*restored.foreign, *restored.failed):
         paragraph(f"not restored: {text}")

@@ -5,10 +5,11 @@ from pathlib import Path
 import pytest
 
 from hw_bridge.bridge import load
-from hw_bridge.bridge.dry import CYCLES, rehearse
+from hw_bridge.bridge.dry import CYCLES, rehearse, switching
 from hw_bridge.bus import Bus, SimulatedNetwork
 from hw_bridge.device import Drive, Module, Motor
 from hw_bridge.dictionary import State
+from hw_bridge.hardware import HardwareKeys
 from hw_bridge.hardware import load as load_keys
 from hw_bridge.profiles import device, profile
 from tests.hw_bridge.values import each_write, held
@@ -179,3 +180,20 @@ def test_outputs_of_real_drives_are_set_only_if_it_is_armed(tmp_path, monkeypatc
     assert bus[2][0].outputs == 0
     _, drive, _ = real(tmp_path, monkeypatch, bus, True, outputs=True)
     assert drive.outputs == 1
+
+
+@pytest.mark.parametrize(
+    ("objects", "names"),
+    [
+        ({}, []),
+        ({"6067h": 50}, []),
+        ({"60C4h.1": 1}, []),
+        ({"2FFFh.1": 1}, ["axis"]),
+        ({"6067h": 50, "5000h": 1}, ["axis"]),
+    ],
+)
+def test_unknown_objects_of_the_vendor_may_switch_outputs(objects, names):
+    """A dry run writes them too, and needs --arm for it."""
+    drive = {"node": 1, "profile": "epos4", "objects": objects}
+    keys = HardwareKeys.model_validate({"interface": "socketcan", "channel": "can0", "nodes": {"axis": drive}})
+    assert switching(keys) == names

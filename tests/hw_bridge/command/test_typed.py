@@ -1,5 +1,6 @@
 """Commands that pages run, without starting them: command lines, permissions, held buttons; options of the terminal."""
 
+import signal
 import threading
 import time
 from types import SimpleNamespace
@@ -106,6 +107,33 @@ def test_a_session_keeps_its_drives_but_may_be_watched(make):
         typed.begin("disable", "axis")
     typed.begin("status", "axis")
     assert len(typed.started) == 1
+
+
+def test_stop_while_a_command_waits_for_the_live_state_to_end(make, monkeypatch):
+    """It takes seconds where drives do not answer; there is no process yet that could be interrupted."""
+    typed, resumed = make(), []
+    monkeypatch.setattr(typed.watch, "pause", typed.stop)
+    monkeypatch.setattr(typed.watch, "resume", lambda: resumed.append(True))
+    with pytest.raises(TwinError, match=r"^twin hil home: stopped before it began\.$"):
+        typed.begin("home", "axis")
+    assert (typed.started, typed.running, resumed) == ([], False, [True])
+    monkeypatch.setattr(typed.watch, "pause", lambda: None)
+    typed.begin("home", "axis")
+    assert len(typed.started) == 1
+
+
+def test_stop_while_a_process_is_started(make, monkeypatch):
+    """Its process is known only afterwards."""
+    typed, signals = make(), []
+    process = SimpleNamespace(poll=lambda: None, send_signal=signals.append)
+
+    def start(*_):
+        typed.stop()
+        typed.running, typed.process = True, process
+
+    monkeypatch.setattr(typed, "_start", start)
+    typed.begin("home", "axis")
+    assert signals == [signal.SIGINT]
 
 
 def test_the_button_of_a_jog(make, monkeypatch):

@@ -6,8 +6,11 @@ from click.testing import CliRunner
 from hw_bridge import plant
 from hw_bridge.bus import Bus, SimulatedNetwork
 from hw_bridge.command import hil
+from hw_bridge.commission import SdoSession
 from hw_bridge.device import Drive, Module, Motor
 from hw_bridge.dictionary import State
+from hw_bridge.hardware import HardwareKeys
+from hw_bridge.master import restoration, setup
 from hw_bridge.profiles import device, profile
 
 BENCH = """
@@ -94,6 +97,28 @@ def test_functions_of_pins_in_a_file(bench, tmp_path, address, value):
     assert (values[address], values[0x6067, 0]) == (value, 50)
     run("restore", "1", file, "--arm")
     assert (values[address], values[0x6067, 0]) == (before[address], before[0x6067, 0])
+
+
+def test_functions_of_pins_in_a_journal(bench):
+    """All else is restored; what may switch an output stays in the journal until it is armed."""
+    run = bench("epos4")
+    keys = HardwareKeys.model_validate(
+        {"interface": "socketcan", "channel": "can0", "nodes": {"axis": {"node": 1, "profile": "epos4"}}}
+    )
+    drive = SdoSession(SimulatedNetwork(bench.bus), keys.nodes).drive("axis")
+    restoration.open_journal(drive, restoration.folder_of(keys))
+    values = bench.drive.dictionary.values
+    before = dict(values)
+    setup.write(drive, 0x3151, 1, 255)
+    setup.write(drive, 0x6067, 0, 50)
+    drive.journal.file.file.close()
+    said = run("restore", "1", code=1)
+    assert "3151h.1 was" in said
+    assert "may switch outputs, such as a valve or a brake: add --arm" in said
+    assert "1 objects are as before the run, 1 are not" in said
+    assert (values[0x3151, 1], values[0x6067, 0]) == (255, before[0x6067, 0])
+    assert "1 objects are as before the run, 0 are not" in run("restore", "1", "--arm")
+    assert values[0x3151, 1] == before[0x3151, 1]
 
 
 @pytest.mark.slow_repetitions

@@ -7,7 +7,7 @@ from hw_bridge.command import hil
 from hw_bridge.commission import BOOT, SdoSession, inspect, objects
 from hw_bridge.commission.inspection import GROUPS, MORE
 from hw_bridge.device import Drive, Motor
-from hw_bridge.dictionary import U8, U16, var
+from hw_bridge.dictionary import U8, U16, U32, Entry, var
 from hw_bridge.hardware import HardwareKeys
 from hw_bridge.profiles import DRIVE_PROFILES, profile
 from tests.hw_bridge.values import each_write, held
@@ -159,3 +159,16 @@ def test_a_counter_of_sync_and_closed_limit_switches_are_told(build, name):
     bench.line.wait(10_000_000)
     notes = inspect(bench.line.drive("axis")).notes
     assert any("axis: negative limit switch and positive limit switch closed (60FDh)" in note for note in notes)
+
+
+def test_enabled_sdo_servers_beside_the_default_one_are_told(build):
+    """A second master could write through them without a trace at the identifiers that a run monitors."""
+    more = [Entry(0x1201 + number, 1, "Request of a client", U32, "rw") for number in range(3)]
+    values = {(0x1201, 1): 0x80000000, (0x1202, 1): 0x641, (0x1203, 1): 0x642}
+    notes = Bench("faulhaber_v3", build, values, more).found.notes
+    servers = [note for note in notes if "SDO server" in note]
+    assert [note.partition(": what")[0] for note in servers] == [
+        "axis: 1202h is a second SDO server, at 641h",
+        "axis: 1203h is a second SDO server, at 642h",
+    ]
+    assert not any("SDO server" in note for note in Bench("faulhaber_v3", build).found.notes)

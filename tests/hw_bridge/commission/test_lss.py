@@ -1,5 +1,6 @@
 """Node-ID by identity, on drives in simulated time that have LSS."""
 
+import struct
 from types import SimpleNamespace
 
 import pytest
@@ -9,7 +10,7 @@ from hw_bridge.bus import Bus, SimulatedNetwork
 from hw_bridge.command import hil
 from hw_bridge.commission import BOOT, SdoSession, lss, scan
 from hw_bridge.device import Drive, Motor
-from hw_bridge.dictionary import State
+from hw_bridge.dictionary import State, cia301
 from hw_bridge.profiles import profile
 from tests.every_case import every_case
 from tests.hw_bridge.unconnected import WORDS, unconnected_node
@@ -45,6 +46,21 @@ def test_the_one_of_this_identity_gets_another_node_id(line):
 def test_a_node_id_that_is_taken(line):
     with pytest.raises(SimulationError, match="node 3 is on the bus already"):
         lss.configure(line, V3, 3, None)
+
+
+@pytest.mark.parametrize("asked", ["its own", "that of the other"])
+def test_a_node_in_nmt_stopped_takes_no_sdo_but_is_there(line, asked):
+    """It may move: its own node-ID stays, and no other device gets it."""
+    node = line.drive("1")
+    node.sdo.write(0x1017, 0, struct.pack("<H", 50))
+    line.nmt(cia301.STOP, 1)
+    identity, wanted, text = {
+        "its own": (V3, 17, "node 1 is in NMT Stopped: whether it moves is not known"),
+        "that of the other": (EPOS4, 1, "node 1 is on the bus already"),
+    }[asked]
+    line.wait(BOOT)
+    with pytest.raises(SimulationError, match=text):
+        lss.configure(line, identity, wanted, None)
 
 
 def test_nobody_of_this_identity(line):

@@ -33,6 +33,7 @@ class Cycles:
         self.node, self.calls, self.late = node, [], []
         self.network = SimpleNamespace(now=0, wall_clock=False)
         self.attend, self.problem, self.nodes = None, "", {"axis": node}
+        self.notes, self.fault_texts = [], []
 
     def check(self):
         self.calls.append("check")
@@ -51,6 +52,7 @@ class Cycles:
 
     def stop(self):
         self.calls.append("stop")
+        self.fault_texts = ["axis: is in Fault."]  # an error while it is stopped
 
     def describe_failure(self, text):
         return f"described: {text}"
@@ -145,12 +147,15 @@ def test_a_session_begins_with_its_limits_and_is_stopped_in_any_case(session):
         assert session.ramp == Ramp(session.node.position, 4.0, 4.0)
         assert session.due == 7
     assert session.master.calls[1:] == ["stop"]
+    assert session.master.notes == ["axis: is in Fault."]
     with pytest.raises(SimulationError, match=r"^described: jammed$"), session.enabled():
         raise SimulationError("jammed")
     assert session.master.calls[3:] == ["stop", "stop"]
+    assert len(session.master.notes) == 1, "the failure names it"
     with pytest.raises(KeyboardInterrupt), session.enabled():
         raise KeyboardInterrupt
     assert session.master.calls[6:] == ["stop"]
+    assert len(session.master.notes) == 2
 
 
 @pytest.mark.parametrize(("homing", "origin"), [(True, -0.004), (False, 0.0)])

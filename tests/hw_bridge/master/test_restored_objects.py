@@ -253,6 +253,7 @@ def master_of(drive):
         keys=SimpleNamespace(simulated=True),
         recovered=[],
         restorations=[],
+        armed=True,
         notes=[],
         nmt=lambda *command: commands.append(command),
         commands=commands,

@@ -120,7 +120,30 @@ def test_a_program_that_stood_while_a_drive_homed_does_not_enable_it_again(build
             rig.drive.dictionary.effects[0x6040] = lambda entry: (controlled(entry), states.append(rig.drive.state))
 
     monkeypatch.setattr(Master, "wait", wait)
-    with pytest.raises(SimulationError, match="this program stood for 2005 ms while drives were brought up"):
+    with pytest.raises(SimulationError, match=r"this program stood for 20.. ms, longer than heartbeat\.lost_after"):
         rig.go(1)
+    assert states[0] is State.QUICK_STOP
+    assert State.ENABLED not in states
+
+
+def test_a_program_that_stood_between_its_checks_and_its_targets_does_not_enable_a_drive_again(build, monkeypatch):
+    """A suspended program goes on with the statusword of before: Operation enabled."""
+    rig = Rig(build, {"servomotor": node()})
+    rig.go(20)
+    plain, states = rig.session.orders.set_targets, []
+
+    def set_targets(*arguments):
+        plain(*arguments)
+        if not states:
+            values, bus = rig.drive.dictionary.values, rig.session.bench.bus
+            values[0x1029, 1], values[0x605A, 0] = 1, 6  # it stays in Operational, and in Quick stop active
+            bus.advance(bus.now + 1_000_000_000)
+            states.append(rig.drive.state)
+            controlled = rig.drive._controlled
+            rig.drive.dictionary.effects[0x6040] = lambda entry: (controlled(entry), states.append(rig.drive.state))
+
+    monkeypatch.setattr(rig.session.orders, "set_targets", set_targets)
+    with pytest.raises(SimulationError, match=r"this program stood for 1... ms, longer than heartbeat\.lost_after"):
+        rig.go(10)
     assert states[0] is State.QUICK_STOP
     assert State.ENABLED not in states
