@@ -143,9 +143,21 @@ def test_curves_of_few_samples(opened):
         assert drawn(opened, "time", ViewedCurve("sensor.force", 0, seeds=(0, 1), part=part))[1] == values
     x, y = drawn(opened, "xy", ViewedCurve("sensor.force", 0, x="tip.position"))
     assert (x, y) == ([0, 1, 2, 3], [0, 2, 4, 6])
-    assert drawn(opened, "xy", ViewedCurve("sensor.force", 0, x="tip.position"), points=2) == ([0, 2], [0, 4])
+    assert drawn(opened, "xy", ViewedCurve("sensor.force", 0, x="tip.position"), points=2) == ([0, 3], [0, 6])
     line = KINDS["xy"](opened, ViewedCurve("sensor.force", 0, x="tip.position"), (0.5, 0.6), 10)
     assert (line.x.tolist(), line.count, line.unit, line.x_unit) == ([0, 1], 2, "N", "mm")
+
+
+def test_a_loop_of_many_samples_keeps_its_extremes(tmp_path):
+    """Every 100th of these samples alone would be the same point of each cycle."""
+    time = np.arange(10_000) / 1000
+    force, position = np.cos(20 * np.pi * time), np.sin(20 * np.pi * time)
+    force[777], position[3333] = 5.0, -4.0
+    case = {("base", 1): (time, {"sensor.force": force, "tip.position": position})}
+    opened = runs(folder_of(tmp_path / "loop", case, [FORCE, PLACE]))
+    line = KINDS["xy"](opened, ViewedCurve("sensor.force", 0, x="tip.position"), ALL, 100)
+    assert len(line.x) <= 100
+    assert (line.y.max(), line.x.min() / line.x.max(), line.count) == (5.0, -4.0, 10_000)
 
 
 def test_statistics_of_few_samples(opened):

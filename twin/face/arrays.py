@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.installed import import_optional
+from twin.results import readable_recording
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -87,7 +88,8 @@ def samples(path: Path, variables: Sequence[RecordedVariable]) -> pd.DataFrame:
     from pyarrow import parquet
 
     names = [column for variable in variables for column in variable.columns]
-    made: pd.DataFrame = parquet.read_table(path, columns=["variant", "seed", "time", *names]).to_pandas()
+    with readable_recording(path):
+        made: pd.DataFrame = parquet.read_table(path, columns=["variant", "seed", "time", *names]).to_pandas()
     units = {column: variable.unit for variable in variables for column in variable.columns}
     made.attrs = {"units": {"time": "s", **units}}
     return made

@@ -70,6 +70,8 @@ class Run:
             self.summary: dict[str, Any] = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
             raise TwinError(f"{folder / 'summary.json'}: cannot be read ({error}). Run the scenario again.") from None
+        if not isinstance(self.summary, dict):
+            raise TwinError(f"{folder / 'summary.json'}: is not a JSON object. Run the scenario again.")
         self.notes: list[str] = [*notes, *self.summary.get("notes", [])]
         self._scenario = scenario
 

@@ -28,7 +28,7 @@ from twin.results.plot_annotations import EventLine
 from twin.results.recording import rows, run_folder, signals, stream
 from twin.results.recording.latest_run import LATEST, finished_runs, is_finished_run, link_latest, resolve_latest
 from twin.results.recording.run_folder import RecordedVariable, count_verdicts, write_text
-from twin.results.recording.signal_reader import list_recorded_variables, read_variables
+from twin.results.recording.signal_reader import list_recorded_variables, read_variables, readable_recording
 from twin.results.recording.signals import Signals, Window, format_value, si_conversion, window_mask
 from twin.results.recording.stream import Journal, RunRecording, column_from_dict, column_to_dict, find_unfinished_runs
 
@@ -93,6 +93,7 @@ __all__ = [
     "plot_annotations",
     "plotting",
     "read_variables",
+    "readable_recording",
     "resolve_latest",
     "rows",
     "run_folder",

@@ -114,11 +114,18 @@ FORMATS: dict[str, Callable[[Path, Path, Sequence[RecordedVariable], Cases], Non
 
 def export(source: Path, target: Path, variables: Sequence[RecordedVariable], cases: Cases) -> None:
     """Write selected signals of a signals.parquet atomically; the suffix of the target determines the format."""
+    from pyarrow import ArrowException
+
     temporary = target.with_name(f".{os.getpid()}.{target.name}")
     try:
         FORMATS[target.suffix.lower()](source, temporary, variables, cases)
         temporary.replace(target)
-    except OSError as error:
-        raise TwinError(f"{target}: cannot be written ({error.strerror}). Choose another file.") from None
+    except (ArrowException, OSError) as error:
+        if getattr(error, "errno", None) is None:  # an error of Arrow about damaged data
+            reason = str(error).splitlines()[0]
+            raise TwinError(f"{source}: cannot be read ({reason}). Run the scenario again.") from None
+        raise TwinError(
+            f"{target}: cannot be written ({getattr(error, 'strerror', error)}). Choose another file."
+        ) from None
     finally:
         temporary.unlink(missing_ok=True)

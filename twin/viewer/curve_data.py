@@ -76,13 +76,15 @@ def extreme_indices(y: Array, points: int) -> Array:
 
 
 def over_another(runs: RunCollection, curve: ViewedCurve, window: tuple[float, float], points: int) -> CurvePoints:
-    """Return a quantity over another of the same case, thinned to `points`."""
+    """Return a quantity over another of the same case; of more than `points` samples, the extremes of both in each part."""
     y, x = runs.samples(curve), runs.samples(curve, curve.x)
     part = inside(y.time, window)
-    time = y.time[part]
-    own = slice(None, None, max(-(-len(time) // points), 1))
-    across = x.shown(x.y[part][own]) if len(x.time) == len(y.time) else interpolate(time[own], x)
-    return CurvePoints(across, y.shown(y.y[part][own]), y.unit, x.unit, len(time))
+    time, value = y.time[part], y.shown(y.y[part])
+    across = x.shown(x.y[part]) if np.array_equal(x.time, y.time) else interpolate(time, x)
+    if len(time) > points:
+        shown = np.union1d(extreme_indices(across, points // 2), extreme_indices(value, points // 2))
+        across, value = across[shown], value[shown]
+    return CurvePoints(across, value, y.unit, x.unit, len(time))
 
 
 def spectrum(runs: RunCollection, curve: ViewedCurve, window: tuple[float, float], points: int) -> CurvePoints:

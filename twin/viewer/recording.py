@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import TwinError
-from twin.results import list_recorded_variables
+from twin.results import list_recorded_variables, readable_recording
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Hashable
@@ -189,10 +189,9 @@ class ParquetRecording(RecordedColumns):
         def read() -> tuple[Array, ...]:
             parts = []
             for rows in self._rows[case]:
-                column = self.file.read_row_group(rows.group, columns=[name])[name].slice(
-                    rows.begin, rows.end - rows.begin
-                )
-                parts.append(column.to_numpy())
+                with readable_recording(self.path):
+                    table = self.file.read_row_group(rows.group, columns=[name])
+                parts.append(table[name].slice(rows.begin, rows.end - rows.begin).to_numpy())
             values = parts[0] if len(parts) == 1 else np.concatenate(parts)
             if values.dtype == object:  # Booleans with missing values
                 values = np.array([np.nan if value is None else float(value) for value in values])

@@ -93,9 +93,11 @@ class EmbeddedSource {
         if (spec.kind === "time") return { ...visible({ x, y }, ...spec.window, points), head };
         if (spec.kind === "spectrum") return await this.spectrum(spec, { x: x.slice(begin, end), y: y.slice(begin, end), head }, points);
         const across = await this.whole({ ...spec, signal: spec.x });
-        const times = [...x.slice(begin, end)].filter((_, k, all) => k % Math.max(Math.ceil(all.length / points), 1) === 0);
-        const of = (one) => Float64Array.from(times, (time) => valueAt(one, time) ?? NaN);
-        return { x: of(across), y: of({ x, y, head }), head: { ...head, x_unit: across.head.unit } };
+        const times = x.slice(begin, end), of = (one) => Float64Array.from(times, (time) => valueAt(one, time) ?? NaN);
+        const sides = [of(across), of({ x, y, head })]; // of many samples the extremes of both, as the server
+        const shown = times.length <= points ? null : [...new Set(sides.flatMap((side) => [...extremes(Float64Array.from(side.keys()), side, 0, side.length, points / 2).x]))].sort((a, b) => a - b);
+        const [u, v] = shown ? sides.map((side) => Float64Array.from(shown, (k) => side[k])) : sides;
+        return { x: u, y: v, head: { ...head, x_unit: across.head.unit } };
       } catch (error) {
         return { x: [], y: [], head: { error: error.message } };
       }

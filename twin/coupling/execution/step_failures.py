@@ -229,8 +229,10 @@ class StepFailures:
         if self._variable_step is None:
             return
         state = self.state
+        # With inputs held, the error is the change of a value in a step: 1e-5 needs some 4e5 steps for a cycle of a sine.
+        remedy = "Give a smaller one" if state["order"] else "Set `order: 1`, or give a smaller one"
         for count, first, problem in (
-            ("missed", "missed_tick", "steps of the smallest size were not as exact as asked for. Give a smaller one"),
+            ("missed", "missed_tick", f"steps of the smallest size were not as exact as asked for. {remedy}"),
             (
                 "unsolved",
                 "unsolved_tick",

@@ -3,18 +3,31 @@
 from __future__ import annotations
 
 import re
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin.errors import TwinError
 from twin.results.recording.run_folder import RecordedVariable, read_signals
 from twin.results.recording.signals import Signals
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
 
 ELEMENT = re.compile(r"(.+)\[(\d+(?:,\d+)*)\]")
+
+
+@contextmanager
+def readable_recording(path: Path) -> Iterator[None]:
+    """Report a truncated or damaged signals.parquet as TwinError."""
+    from pyarrow import ArrowException
+
+    try:
+        yield
+    except (ArrowException, OSError) as error:
+        raise TwinError(f"{path}: cannot be read ({str(error).splitlines()[0]}). Run the scenario again.") from None
 
 
 def list_recorded_variables(path: Path) -> dict[str, RecordedVariable]:
@@ -23,7 +36,9 @@ def list_recorded_variables(path: Path) -> dict[str, RecordedVariable]:
 
     arrays: dict[str, dict[tuple[int, ...], str]] = {}
     metadata: dict[str, dict[str, Any]] = {}
-    for field in parquet.read_schema(path):
+    with readable_recording(path):
+        schema = parquet.read_schema(path)
+    for field in schema:
         if field.name in ("variant", "seed", "time"):
             continue
         texts = {key.decode(): text.decode() for key, text in (field.metadata or {}).items()}
@@ -44,7 +59,8 @@ def list_recorded_variables(path: Path) -> dict[str, RecordedVariable]:
 def read_variables(path: Path, variables: Iterable[RecordedVariable]) -> dict[tuple[str, int], Signals]:
     """Read these variables of every case; variables that a case has not recorded are missing in it."""
     requested = list(variables)
-    cases, _ = read_signals(path, [column for variable in requested for column in variable.columns])
+    with readable_recording(path):
+        cases, _ = read_signals(path, [column for variable in requested for column in variable.columns])
     result = {}
     for case, signals in cases.items():
         present = [variable for variable in requested if all(column in signals.values for column in variable.columns)]
