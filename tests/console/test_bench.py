@@ -62,7 +62,7 @@ def said(page, text, seconds=30):
 
 def test_the_state_is_read_between_commands_and_nothing_is_written(page, drive):
     """On the bus only requests to read (SDO upload, 40h); a command has the drive for itself, then it goes on."""
-    rows, requests = page.locator(".twin-live span"), []
+    rows, requests = page.locator(".twin-live span[title]"), []
     page.get_by_role("button", name="read live state").click()
     rows.first.wait_for()
     with watching(drive) as bus:
