@@ -41,14 +41,14 @@ DISTANCE, HOMED = Entry("distance", "at most, each way"), Entry("homed", "homed 
 
 @dataclass(frozen=True)
 class Step:
-    """A command with its fields. `always`: options of this button. `whole_bus`: it names no node."""
+    """A command with its fields. `always`: options of this button. `is_bus_wide`: it names no node."""
 
     word: str
     button: str
     about: str
     entries: tuple[Entry, ...] = ()
     always: tuple[str, ...] = ()
-    whole_bus: bool = False
+    is_bus_wide: bool = False
 
     @property
     def title(self) -> str:
@@ -57,7 +57,7 @@ class Step:
 
 
 READING = (
-    Step("scan", "scan", "Asks all node-IDs of the bus. Nothing is written.", whole_bus=True),
+    Step("scan", "scan", "Asks all node-IDs of the bus. Nothing is written.", is_bus_wide=True),
     Step("status", "status", "State, limits, temperatures, voltages, and the last errors with a remedy."),
     Step("dump", "dump", "Saves all objects of the drive in a DCF file, before anything changes them."),
     Step("compare", "compare", "Shows what differs between the drive and its dump."),
@@ -65,7 +65,7 @@ READING = (
         "check",
         "check",
         "Lists each object that a run writes, before and after, and what differs from the hardware file.",
-        whole_bus=True,
+        is_bus_wide=True,
     ),
 )
 STEPS = (  # in the order of the first-motion page
@@ -192,7 +192,7 @@ def is_step(step: Step, name: str, line: str) -> bool:
     words = shlex.split(line)
     return (
         words[2:3] == [step.word]
-        and (step.whole_bus or name in words[3:5])
+        and (step.is_bus_wide or name in words[3:5])
         and VARIANTS.intersection(words) == VARIANTS.intersection(step.always)
     )
 

@@ -83,7 +83,7 @@ class Page:
         if step.word in ("step", "dump", "compare"):
             self.folder.mkdir(parents=True, exist_ok=True)
             arguments.append(f"--plot={self.plot(name)}" if step.word == "step" else str(self.dump(name)))
-        self.typed.begin(step.word, "" if step.whole_bus else name, arguments, speed)
+        self.typed.begin(step.word, "" if step.is_bus_wide else name, arguments, speed)
 
     def plot(self, name: str) -> Path:
         """Path of a step response's figure."""
@@ -360,8 +360,10 @@ def result(typed: Typed) -> tuple[str, str]:
         return "good", f"✓ {what}: done"
     if code == STOPPED:
         state = re.search(STOPPED_IN_STATE, typed.text)
-        known = f"State of the drive: {state[1]}." if state else "It did not report the state of the drive: run status."
-        return "neutral", f"{what}: stopped by STOP or Esc. {known}"
+        drive_state = (
+            f"State of the drive: {state[1]}." if state else "It did not report the state of the drive: run status."
+        )
+        return "neutral", f"{what}: stopped by STOP or Esc. {drive_state}"
     error = parts(typed)[1]
     return "bad", f"✗ {what}: {' '.join(error.split()) if error else f'ended with exit code {code}'}"
 
