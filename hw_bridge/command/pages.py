@@ -345,6 +345,9 @@ def show_running(page: Page) -> None:
     if not typed.running and typed.done:
         kind, text = result(typed)
         ui.label(text).classes(f"twin-state twin-{kind}")
+        ui.button("download record", on_click=lambda: ui.download.content(typed.record(), "commissioning.txt")).props(
+            "dense no-caps flat"
+        )
     if typed.running and typed.word == "jog":
         text = "ready: hold an arrow key or a button" if typed.controls else "powering on ... Keys have no effect yet."
         ui.label(text).classes("twin-state" + " twin-good" * bool(typed.controls))
