@@ -1,8 +1,6 @@
 """Commissioning in the browser: the steps of `twin hil`, from a scan to a step response, on one page.
 
-Over 400 lines: the cards of one page, in the order in which they stand on it.
-
-Each step is a command (`typed`), with fields for its options; its output is shown. The page holds a button
+Each step is a command (`commissioning_steps`, `typed`), with fields for its options; its output is shown. The page holds a button
 and reports its presence; every decision about motion is made in the process of the command.
 """
 
@@ -12,104 +10,38 @@ import base64
 import re
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hw_bridge.command import commissioning_steps as steps
 from hw_bridge.command.bench.motion import ramp
+from hw_bridge.command.bench.single_axis import STOPPED_IN_STATE
+from hw_bridge.command.commissioning_steps import ANY_TIME, READING, STEPS, Entry, Step
 from hw_bridge.command.typed import Typed
-from hw_bridge.commission import EXAMPLES, axis, homing
+from hw_bridge.commission import axis, homing
 from hw_bridge.hardware import NodeKeys
 from twin.console import Panel
 from twin.errors import TwinError
 
 if TYPE_CHECKING:
+    from nicegui.element import Element
+    from nicegui.events import ValueChangeEventArguments
+
     from hw_bridge.commission import Axis
     from twin.console import Host
 
 TITLE = "Commissioning"
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")  # of a node
-QUANTITY = re.compile(r"[-+]?[0-9.]+([eE][-+]?[0-9]+)? ?[A-Za-z°µ/^*0-9]*")  # the command says what it means
-LONGEST = 40  # characters of it
 SHOWN = {"m": ("mm", 1e3), "rad": ("deg", 57.29577951308232)}
-NUMBERS = ("looks_one", "looks_two", "looks_3", "looks_4", "looks_5", "looks_6")  # icons of the steps
 DONE = "icon=check done-icon=check color=positive done-color=positive"
 ENDED = ("jog", "enable")  # by the person, in an orderly way
-
-
-@dataclass(frozen=True)
-class Entry:
-    """A field for an option of the command. `per`: of a position (""), a speed ("/s"), an acceleration; None: a check box."""
-
-    option: str
-    label: str
-    per: str | None = ""
-
-
-BY, TO = Entry("by", "by"), Entry("to", "to (homed)")
-VELOCITY, ACCELERATION = Entry("velocity", "speed", "/s"), Entry("acceleration", "acceleration", "/s^2")
-HOMED = Entry("homed", "homed since power-on", None)
-
-
-@dataclass(frozen=True)
-class Step:
-    """A command with its fields. `always`: options of this button."""
-
-    word: str
-    button: str
-    about: str
-    entries: tuple[Entry, ...] = ()
-    always: tuple[str, ...] = ()
-
-
-STEPS = (  # in the order of the first-motion page
-    Step(
-        "direction",
-        "push",
-        "A push of slowly growing force both ways, a few increments far: does the encoder count the way "
-        "the motor goes? Nothing holds the axis meanwhile.",
-    ),
-    Step(
-        "direction",
-        "by hand",
-        "Power off: move it to where positions of the member grow, within 20 s. Is `inverted` right?",
-        always=("--by-hand",),
-    ),
-    Step(
-        "jog",
-        "power on for a jog",
-        "Then it moves while you hold a button or an arrow key.",
-        (VELOCITY, ACCELERATION, Entry("distance", "at most, each way"), HOMED),
-    ),
-    Step("move", "move", "Goes there with a ramp, rests, and is disabled.", (BY, TO, VELOCITY, ACCELERATION, HOMED)),
-    Step("home", "home", ""),
-    Step(
-        "step",
-        "step",
-        "A small jump of its target, drawn beside the simulated drive's.",
-        (BY, Entry("explain", "find the gains that explain a difference", None)),
-    ),
-)
-ANY_TIME = (
-    Step("reset", "reset", "Tells what a drive in Fault says of its cause, then resets it. Power stays off."),
-    Step("enable", "enable", "Power on, its place held, until you end it.", (HOMED,)),
-    Step("disable", "disable", "Quick stop and power off, for a drive that another program left on."),
-)
-
-
-def options(step: Step, values: dict[str, Any]) -> list[str]:
-    """Convert the fields to command-line options; TwinError for invalid quantities. The command checks all of them."""
-    arguments = list(step.always)
-    for entry in step.entries:
-        value = values.get(entry.option)
-        if entry.per is None:
-            arguments += [f"--{entry.option}"] * (value is True)
-        elif isinstance(value, str) and (text := value.strip()):
-            if len(text) > LONGEST or not QUANTITY.fullmatch(text):
-                raise TwinError(f"{entry.label}: expected a number with its unit, such as '1 mm'.")
-            arguments.append(f"--{entry.option}={text}")
-    return arguments
+REFRESH_PERIOD = 0.1  # of the running command [s]
+LIVE = {"6041h": "state", "6064h": "position", "606Ch": "velocity", "6078h": "current", "603Fh": "error"}
+RAW = re.compile(r" \([^()]*\)$")  # value in the drive's own unit, behind a quantity
+ERROR = re.compile(r"(?:^|(?<=  ))error: ", re.MULTILINE)  # before the error that a command prints at its end
+STOPPED = 130  # exit code after Ctrl-C, which STOP and Esc send
+SIMULATED = "Each command starts new simulated drives: positions count from 0 again, nothing stays set, and there is no live state."
 
 
 class Page:
@@ -118,6 +50,14 @@ class Page:
     def __init__(self, console: Host, is_operator: Callable[[], bool], typed: Typed) -> None:
         self.console, self.is_operator, self.typed = console, is_operator, typed
         self.folder = console.runs / "commissioning"
+        self.updates: list[
+            Callable[[], None]
+        ] = []  # of buttons and steps, when a command begins, ends or a field changes
+
+    def update(self) -> None:
+        """Update all buttons and steps."""
+        for update in self.updates:
+            update()
 
     async def run_as_operator(self, what: Callable[[], None]) -> None:
         """Run an action outside of the server's loop if this page is the operator's; show its error."""
@@ -131,19 +71,19 @@ class Page:
         except TwinError as error:
             ui.notify(str(error), type="warning", position="top", timeout=8000, multi_line=True)
 
-    def begin(self, step: Step, drive_axis: Axis, values: dict[str, Any]) -> None:
-        """Begin a step of an axis."""
-        arguments, speed = options(step, values), (0.0, "")
-        if step.word == "jog":
+    def begin(self, step: Step, name: str, values: dict[str, Any], drive_axis: Axis | None = None) -> None:
+        """Begin a step of a drive or module."""
+        arguments, speed = steps.options(step, values), (0.0, "")
+        if step.word == "jog" and drive_axis is not None:
             unit, factor = SHOWN[drive_axis.unit]
             speed = (
                 factor * ramp(drive_axis, values.get("velocity") or None, values.get("acceleration") or None)[0],
                 f"{unit}/s",
             )
-        if step.word == "step":
+        if step.word in ("step", "dump", "compare"):
             self.folder.mkdir(parents=True, exist_ok=True)
-            arguments.append(f"--plot={self.plot(drive_axis.name)}")
-        self.typed.begin(step.word, drive_axis.name, arguments, speed)
+            arguments.append(f"--plot={self.plot(name)}" if step.word == "step" else str(self.dump(name)))
+        self.typed.begin(step.word, "" if step.is_bus_wide else name, arguments, speed)
 
     def plot(self, name: str) -> Path:
         """Path of a step response's figure."""
@@ -151,21 +91,21 @@ class Page:
 
     def dump(self, name: str) -> Path:
         """Path of a drive's parameter dump."""
-        self.folder.mkdir(parents=True, exist_ok=True)
         return self.folder / f"{name}.dcf"
 
 
 def fill(console: Host, is_operator: Callable[[], bool]) -> None:
-    """Build the page: each drive with its steps, and the running command."""
+    """Build the page: live state, the running command, and each drive with its steps."""
     from nicegui import ui
 
     typed = console.activities[TITLE]
     assert isinstance(typed, Typed)
     page, keys = Page(console, is_operator, typed), typed.keys
     with ui.element("div").classes("twin-desk"):
-        with ui.element("div").classes("twin-card twin-hand"):
-            if not keys.simulated:
+        if not keys.simulated:
+            with ui.element("div").classes("twin-card twin-live"):
                 live_state(page)
+        with ui.element("div").classes("twin-card twin-hand"):
             now(page)
         with ui.element("div").classes("twin-card twin-curves"):
             bus = f"{keys.interface} {keys.channel}".strip() or "simulated: each command has a bus of its own"
@@ -173,13 +113,19 @@ def fill(console: Host, is_operator: Callable[[], bool]) -> None:
             ui.label(f"{typed.file}: {bus}").classes("twin-soft")
             kind, text = armed(typed)
             ui.html(f'<p class="twin-state twin-{kind}">{text}</p>', sanitize=False)
-            ui.button("scan", on_click=lambda: page.run_as_operator(lambda: typed.begin("scan"))).props(
-                "dense no-caps outline"
-            )
+            if keys.simulated:
+                ui.label(SIMULATED).classes("twin-soft")
         for _, name, station in keys.stations():
             if NAME.fullmatch(name):
                 with ui.element("div").classes("twin-card twin-curves"):
-                    node(page, name, station)
+                    ui.label(name).classes("twin-h")
+                    if isinstance(station, NodeKeys):
+                        drive(page, axis(typed.file, keys, name))
+                    else:
+                        with ui.row().classes("items-center full-width gap-1"):
+                            for command_step in READING:
+                                step_button(page, command_step, name, {})
+    page.update()
 
 
 def armed(typed: Typed) -> tuple[str, str]:
@@ -189,119 +135,129 @@ def armed(typed: Typed) -> tuple[str, str]:
     return ("warn", "armed: drives may move") if typed.console.arm else ("good", "not armed: nothing moves from here")
 
 
-def node(page: Page, name: str, station: object) -> None:
-    """Card of a drive or module: read commands, and a drive's steps."""
+def drive(page: Page, drive_axis: Axis) -> None:
+    """Limits and steps of a drive."""
     from nicegui import ui
 
-    typed = page.typed
-    ui.label(name).classes("twin-h")
-    with ui.row().classes("items-center full-width gap-1"):
-        for word, more in (("status", False), ("dump", True), ("compare", True)):
-
-            def read(word: str = word, more: bool = more) -> None:
-                typed.begin(word, name, [str(page.dump(name))] if more else [])
-
-            ui.button(word, on_click=lambda read=read: page.run_as_operator(read)).props("dense no-caps outline")
-    if not isinstance(station, NodeKeys):
-        return
-    drive_axis = axis(typed.file, typed.keys, name)
-    limits, to_text = station.limits, drive_axis.format_quantity
+    typed, name, limits, to_text = page.typed, drive_axis.name, drive_axis.keys.limits, drive_axis.format_quantity
     low, high = limits.position
     ui.label(
-        f"node {station.node}, {to_text(low)} to {to_text(high)}, {to_text(limits.velocity, '/s')}, "
+        f"node {drive_axis.keys.node}, {to_text(low)} to {to_text(high)}, {to_text(limits.velocity, '/s')}, "
         f"{to_text(limits.acceleration, '/s^2')}; limits are those of the hardware file"
     ).classes("twin-soft")
-    with ui.stepper(value=title(STEPS[0])).props("vertical header-nav flat").classes("full-width"):
-        items = []
-        for command_step, icon in zip(STEPS, NUMBERS, strict=True):
+    items: list[tuple[Step, Element]] = []
+    with (
+        ui.stepper(value=STEPS[0].title)
+        .props("vertical header-nav flat active-icon=none done-icon=none")
+        .classes("full-width")
+    ):
+        for number, command_step in enumerate(STEPS, 1):
             # the library calls each step before the chosen one done: here it is, once its command has succeeded
-            look = f"icon={icon} active-icon={icon} done-icon={icon} done-color=soft"
-            with ui.step(title(command_step)).props(look) as item:
+            look = f"prefix={number} done-color=soft"
+            with ui.step(command_step.title).props(look) as item:
                 step(page, command_step, drive_axis)
             items.append((command_step, item))
     ui.label("At any time").classes("twin-soft")
     for command_step in ANY_TIME:
-        with ui.expansion(title(command_step)).classes("full-width"):
+        with ui.expansion(command_step.title).classes("full-width") as expansion:
             step(page, command_step, drive_axis)
+        items.append((command_step, expansion))
 
-    def mark_done() -> None:
+    def mark() -> None:
         for command_step, item in items:
-            if is_done(typed, command_step, name):
-                item.props(DONE)
+            runs = typed.running and steps.is_step(command_step, name, typed.line)
+            item.props("caption=running") if runs else item.props(remove="caption")
+            if command_step in STEPS and steps.is_done(command_step, name, list(typed.done)):
+                item.props(DONE, remove="prefix")
 
-    ui.timer(0.5, mark_done)
-
-
-def title(command_step: Step) -> str:
-    """Name of a step; the two kinds of `direction` differ by their button."""
-    return f"{command_step.word}, {command_step.button}" if command_step.word == "direction" else command_step.word
-
-
-def is_done(typed: Typed, command_step: Step, name: str) -> bool:
-    """Whether a step of this drive has succeeded since the server was started."""
-    by_hand = "--by-hand"
-    return any(
-        code == 0
-        and line.startswith(f"twin hil {command_step.word} {name} ")
-        and (by_hand in line) == (by_hand in command_step.always)
-        for _, line, code in list(typed.done)
-    )
+    page.updates.append(mark)
 
 
 def step(page: Page, command_step: Step, drive_axis: Axis) -> None:
     """Description, fields and button of a step."""
     from nicegui import ui
 
-    refused, values = "", dict[str, Any]()
-    about = [command_step.about] if command_step.about else []
-    if command_step.word == "home":
-        if drive_axis.keys.homing is None:
-            refused = f"{drive_axis.name}: {homing.NO_HOMING}"
-        else:
-            about = [
-                f"Method {drive_axis.keys.homing.method}, then it is at {drive_axis.format_quantity(drive_axis.keys.homing.at)}:"
-            ]
-            about += [f"{number}. {text}" for number, text in enumerate(homing.explained(drive_axis.keys), 1)]
+    values = dict[str, Any]()
+    about, homing_keys = [command_step.about] if command_step.about else [], drive_axis.keys.homing
+    if command_step.word == "home" and homing_keys is not None:
+        about = [f"Method {homing_keys.method}, then it is at {drive_axis.format_quantity(homing_keys.at)}:"]
+        about += [f"{number}. {text}" for number, text in enumerate(homing.explained(drive_axis.keys), 1)]
     for text in about:
         ui.label(text).classes("twin-soft")
-    with ui.row().classes("items-center full-width gap-2"):
+    with ui.row().classes("full-width gap-2 twin-entries"):
         for entry in command_step.entries:
-            if entry.per is None:
-                ui.checkbox(
-                    entry.label, on_change=lambda event, key=entry.option: values.update({key: event.value})
-                ).props("dense")
-            else:
-                ui.input(
-                    entry.label,
-                    placeholder=EXAMPLES[f"{drive_axis.unit}{entry.per}"],
-                    on_change=lambda event, key=entry.option: values.update({key: event.value}),
-                ).props(f"dense outlined maxlength={LONGEST}").classes("twin-entry")
-        button = ui.button(
-            command_step.button,
-            on_click=lambda: page.run_as_operator(lambda: page.begin(command_step, drive_axis, values)),
-        )
-        button.props("dense no-caps outline")
-    if refused:
-        ui.label(refused).classes("twin-bad")
-    elif page.typed.needs_arm(command_step.word) and not command_step.always:
-        refused = "not armed"
-        ui.label("Real drives, not armed: end this console and start it with --arm.").classes("twin-soft")
-    button.set_enabled(not refused)
+            field(page, command_step, entry, values, drive_axis)
+        step_button(page, command_step, drive_axis.name, values, drive_axis)
 
 
-def live_state(page: Page) -> None:
-    """State, position and current of all nodes between commands, with a button that switches it."""
+def field(page: Page, command_step: Step, entry: Entry, values: dict[str, Any], drive_axis: Axis) -> None:
+    """Check box or text field of an option; the text field holds the command's own default."""
+    from nicegui import ui
+
+    def change(event: ValueChangeEventArguments[Any]) -> None:
+        values[entry.option] = event.value
+        page.update()
+
+    if entry.per is None:
+        ui.checkbox(entry.label, on_change=change).props("dense")
+        return
+    values[entry.option] = steps.default(command_step, entry, drive_axis)
+    text = ui.input(
+        entry.label,
+        value=values[entry.option],
+        validation=lambda text: steps.problem(command_step, entry, text or "", drive_axis),
+        on_change=change,
+    )
+    text.props(f'hint="{steps.hint(command_step, entry, drive_axis)}" maxlength={steps.LONGEST}')
+    text.props("dense outlined stack-label hide-bottom-space").classes("twin-entry")
+
+
+def step_button(
+    page: Page, command_step: Step, name: str, values: dict[str, Any], drive_axis: Axis | None = None
+) -> None:
+    """Button that begins a step: disabled while a command runs, and beside the reason why it cannot begin."""
     from nicegui import ui
 
     typed = page.typed
-    with ui.row().classes("items-center full-width no-wrap gap-2"):
-        button = ui.button(
-            on_click=lambda: page.run_as_operator(lambda: typed.switch_watch(not typed.watch.is_on))
-        ).props("dense no-caps outline no-wrap")
-        ui.label("Only reads, between commands. Leave it off while another program has the drives.").classes(
-            "twin-soft"
+    button = ui.button(
+        command_step.button,
+        on_click=lambda: page.run_as_operator(lambda: page.begin(command_step, name, values, drive_axis)),
+    )
+    button.props("dense no-caps outline")
+    reason = ui.label("").classes("twin-soft")
+
+    def update() -> None:
+        reason.text = refusal(page, command_step, name, values, drive_axis)
+        reason.visible = bool(reason.text)
+        is_wrong = drive_axis is not None and any(
+            steps.problem(command_step, entry, values[entry.option] or "", drive_axis)
+            for entry in command_step.entries
+            if entry.per is not None
         )
-    values = ui.html("", sanitize=False).classes("twin-safety full-width")
+        button.set_enabled(not typed.running and not reason.text and not is_wrong)
+
+    page.updates.append(update)
+
+
+def refusal(page: Page, command_step: Step, name: str, values: dict[str, Any], drive_axis: Axis | None) -> str:
+    """Why a step cannot begin, apart from a running command and wrong fields; empty if it can."""
+    if command_step.word == "home" and drive_axis is not None and drive_axis.keys.homing is None:
+        return f"{name}: {homing.NO_HOMING}"
+    if page.typed.needs_arm(command_step.word) and not command_step.always:
+        return "Real drives, not armed: end this console and start it with --arm."
+    if command_step.word == "compare" and not page.dump(name).is_file():
+        return "Dump first."
+    return steps.missing(command_step, values)
+
+
+def live_state(page: Page) -> None:
+    """State, position, velocity, current and error of all nodes between commands, with a button that switches it."""
+    from nicegui import ui
+
+    typed = page.typed
+    button = ui.button(on_click=lambda: page.run_as_operator(lambda: typed.switch_watch(not typed.watch.is_on)))
+    button.props("dense no-caps outline no-wrap")
+    values = ui.html("", sanitize=False)
 
     def look() -> None:
         button.text = "stop reading" if typed.watch.is_on else "read live state"
@@ -312,20 +268,29 @@ def live_state(page: Page) -> None:
 
 
 def state_text(typed: Typed) -> str:
-    """The latest reading as HTML; why there is none."""
+    """The latest reading as HTML, a line for each node; why there is none."""
     watch = typed.watch
     if watch.problem:
         return f'<p class="twin-bad">Live state: {escape(watch.problem)}</p>'
     if not watch.is_on:
-        return ""
+        return (
+            '<p class="twin-soft">Live state is off. It only reads, between commands. '
+            "Leave it off while another program has the drives.</p>"
+        )
     if not watch.rows:
         reason = "It continues after the command." if typed.running else "Waiting for the first reading."
         return f'<p class="twin-soft">{reason}</p>'
-    articles = []
+    lines = []
     for name, rows in watch.rows.items():
-        listed_rows = "".join(f"<dt>{escape(title)}</dt><dd>{escape(value)}</dd>" for title, value in rows)
-        articles.append(f"<article><b>{escape(name)}</b><dl>{listed_rows}</dl></article>")
-    return "".join(articles)
+        shown = [
+            (LIVE.get(title[:5], title), title, value) for title, value in rows if title[:5] in LIVE or len(rows) == 1
+        ]
+        text = "".join(
+            f'<span title="{escape(title)}">{escape(label)} <b>{escape(RAW.sub("", value))}</b></span>'
+            for label, title, value in shown
+        )
+        lines.append(f"<p><b>{escape(name)}</b>{text}</p>")
+    return "".join(lines)
 
 
 def now(page: Page) -> None:
@@ -347,7 +312,7 @@ def now(page: Page) -> None:
         if last_shown.get("changed") == typed.changed:
             return
         last_shown["changed"] = typed.changed
-        text.text = typed.text
+        text.text = typed.text if typed.running else parts(typed)[0]
         stage = (typed.running, typed.line, typed.controls)
         if last_shown.get("stage") == stage:
             return
@@ -355,9 +320,10 @@ def now(page: Page) -> None:
         running_command.refresh()
         plot.content = picture(page)
         before.content = listed(typed)
+        page.update()
 
     look()
-    ui.timer(0.1, look)
+    ui.timer(REFRESH_PERIOD, look)
 
 
 def show_running(page: Page) -> None:
@@ -379,6 +345,12 @@ def show_running(page: Page) -> None:
     if not typed.running and typed.done:
         kind, text = result(typed)
         ui.label(text).classes(f"twin-state twin-{kind}")
+        ui.button("download record", on_click=lambda: ui.download.content(typed.record(), "commissioning.txt")).props(
+            "dense no-caps flat"
+        )
+    if typed.running and typed.word == "jog":
+        text = "ready: hold an arrow key or a button" if typed.controls else "powering on ... Keys have no effect yet."
+        ui.label(text).classes("twin-state" + " twin-good" * bool(typed.controls))
     for name in typed.controls:
         speed, unit = typed.speed
         Desk([control(name, name, "Held: it moves.", ("ArrowRight", "ArrowLeft"), unit, speed)])
@@ -389,8 +361,20 @@ def result(typed: Typed) -> tuple[str, str]:
     what, code = f"{typed.word} {typed.node}".strip(), typed.done[0][2]
     if code == 0:
         return "good", f"✓ {what}: done"
-    _, marker, error = typed.text.rpartition("error: ")
-    return "bad", f"✗ {what}: {' '.join(error.split()) if marker else f'ended with exit code {code}'}"
+    if code == STOPPED:
+        state = re.search(STOPPED_IN_STATE, typed.text)
+        drive_state = (
+            f"State of the drive: {state[1]}." if state else "It did not report the state of the drive: run status."
+        )
+        return "neutral", f"{what}: stopped by STOP or Esc. {drive_state}"
+    error = parts(typed)[1]
+    return "bad", f"✗ {what}: {' '.join(error.split()) if error else f'ended with exit code {code}'}"
+
+
+def parts(typed: Typed) -> tuple[str, str]:
+    """Output of the latest command, and the error that it ended with."""
+    output, *errors = ERROR.split(typed.text) if typed.done and typed.done[0][2] else [typed.text]
+    return output, errors[-1] if errors else ""
 
 
 def picture(page: Page) -> str:
@@ -408,7 +392,7 @@ def listed(typed: Typed) -> str:
     rows = []
     for begin_time, line, code in list(typed.done):
         clock = time.strftime("%H:%M:%S", time.localtime(begin_time))
-        failed = f' <b class="twin-bad">exit code {code}</b>' if code else ""
+        failed = " <b>stopped</b>" if code == STOPPED else f' <b class="twin-bad">exit code {code}</b>' if code else ""
         rows.append(f'<li><span class="twin-soft">{clock}</span> {escape(line)}{failed}</li>')
     return f'<ul class="twin-typed">{"".join(rows)}</ul>'
 

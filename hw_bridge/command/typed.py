@@ -161,6 +161,13 @@ class Typed:
             self.watch.resume()
         self.changed += 1
 
+    def record(self) -> str:
+        """Text of the commands that have ended, the first first: when each began, its command line, its exit code."""
+        return "".join(
+            f"{time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(begin_time))}  {line}  exit code {code}\n"
+            for begin_time, line, code in reversed(list(self.done))
+        )
+
     def switch_watch(self, is_on: bool) -> None:
         """Switch the live state on or off; TwinError while a session is open, and for drives that only exist in a command."""
         with self.console.lock, self._lock:

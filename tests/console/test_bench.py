@@ -62,16 +62,18 @@ def said(page, text, seconds=30):
 
 def test_the_state_is_read_between_commands_and_nothing_is_written(page, drive):
     """On the bus only requests to read (SDO upload, 40h); a command has the drive for itself, then it goes on."""
-    rows, requests = page.locator(".twin-hand dl dt"), []
+    rows, requests = page.locator(".twin-live span[title]"), []
     page.get_by_role("button", name="read live state").click()
     rows.first.wait_for()
     with watching(drive) as bus:
         bus.network.observe(lambda _time, frame: requests.append(frame) if frame and frame.id < 0x680 else None)
         bus.wait(2_000 * MS)
-    assert {"6041h Statusword", "6064h Position actual value"} <= set(rows.all_inner_texts())
+    titles = {row.get_attribute("title") for row in rows.all()}
+    assert {"6041h Statusword", "6064h Position actual value"} <= titles
     asked = [frame.data[0] for frame in requests if frame.id > 0x600]
     assert set(asked) == {0x40}
     assert not [frame for frame in requests if frame.id < 0x80 or 0x200 <= frame.id < 0x580]  # NMT, process data
+    opened(page, "status")
     page.get_by_role("button", name="status").click()
     page.wait_for_selector("text=It continues after the command.")
     said(page, "limits")
@@ -160,8 +162,8 @@ def test_the_steps_from_a_box_to_a_move(drive, page):
         begin = place_now(line, node)
         opened(page, "move")
         page.get_by_label("by", exact=True).locator("visible=true").first.fill("0 2 mm")
-        page.get_by_role("button", name="move", exact=True).click()
         page.wait_for_selector("text=expected a number with its unit")
+        assert page.get_by_role("button", name="move", exact=True).is_disabled()
         page.get_by_label("by", exact=True).locator("visible=true").first.fill("2 mm")
         page.get_by_role("button", name="move", exact=True).click()
         said(page, "is at 2.00 mm")
@@ -177,7 +179,7 @@ def test_a_reset_says_which_fault_it_clears_and_a_move_does_not_clear_it(drive, 
     request(int(drive.control), Fault(Cause.EMCY, 0x7300))
     opened(page, "enable")
     page.get_by_role("button", name="enable", exact=True).click()
-    said(page, "7300h encoder")
+    page.wait_for_selector(".twin-state:has-text('7300h encoder')")
     page.wait_for_function("document.querySelector('.twin-typed').textContent.includes('exit code 1')")
     opened(page, "reset")
     page.get_by_role("button", name="reset", exact=True).click()

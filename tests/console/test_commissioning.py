@@ -5,8 +5,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from hw_bridge.command.pages import PANEL, STEPS, is_done, options, result
+from hw_bridge.command.commissioning_steps import READING, STEPS, is_done, missing, options, problem
+from hw_bridge.command.pages import PANEL, parts, result, state_text
 from hw_bridge.command.typed import MOVES, settled
+from hw_bridge.commission import axis
 from tests.every_case import every_case
 from twin.console import Host, safety
 from twin.errors import TwinError
@@ -131,6 +133,10 @@ def test_an_orderly_end_and_a_stop(typed):
     one.console.stop()  # what STOP does
     until(lambda: not one.running)
     assert "interrupted" in one.text
+    assert result(one) == (
+        "neutral",
+        "enable axis: stopped by STOP or Esc. State of the drive: Switch on disabled.",
+    )
     assert one.done[0][2] == 130
 
 
@@ -193,13 +199,65 @@ def test_what_is_filled_in_is_what_is_typed():
 
 
 def test_a_step_is_done_once_its_own_command_has_succeeded():
-    push, by_hand, jog = STEPS[:3]
+    push, by_hand, jog = STEPS[len(READING) :][:3]
     typed = SimpleNamespace(word="jog", node="axis", text="error: no power.\nSwitch it on.\n")
     typed.done = [(2.0, "twin hil jog axis -f b.yaml", 1), (1.0, "twin hil direction axis -f b.yaml --by-hand", 0)]
-    assert [is_done(typed, step, "axis") for step in (push, by_hand, jog)] == [False, True, False]
-    assert not is_done(typed, by_hand, "axis_2")
+    assert [is_done(step, "axis", typed.done) for step in (push, by_hand, jog)] == [False, True, False]
+    assert not is_done(by_hand, "axis_2", typed.done)
+    assert is_done(READING[0], "axis", [(1.0, "twin hil scan -f b.yaml", 0)])
+    assert is_done(READING[4], "axis", [(1.0, "twin hil check b.yaml", 0)])
     assert result(typed) == ("bad", "✗ jog axis: no power. Switch it on.")
+    assert parts(typed)[0] == ""  # the sentence above the output has it
+    typed.done[0] = (2.0, "", 130)
+    assert result(typed) == (
+        "neutral",
+        "jog axis: stopped by STOP or Esc. It did not report the state of the drive: run status.",
+    )
     assert result(SimpleNamespace(word="scan", node="", text="", done=[(1.0, "", 0)])) == ("good", "✓ scan: done")
+
+
+LINEAR = {
+    ("jog", "velocity", ""): "Expected a value: up to 160 mm/s.",
+    ("jog", "velocity", "160 mm/s"): None,
+    ("jog", "velocity", "161 mm/s"): "Expected up to 160 mm/s.",
+    ("jog", "velocity", "0 mm/s"): "Expected up to 160 mm/s, not 0.",
+    ("jog", "velocity", "5"): "speed: 5 has no unit. Write it with one, such as '5 mm/s'.",
+    ("jog", "acceleration", "3.1 m/s^2"): "Expected up to 3 m/s^2.",
+    ("jog", "distance", "1 m"): None,
+    ("move", "by", ""): None,
+    ("move", "by", "-90 mm"): None,
+    ("move", "by", "91 mm"): "Expected -90 mm to 90 mm.",
+    ("move", "by", "0 2 mm"): "by: expected a number with its unit, such as '1 mm'.",
+    ("move", "to", "0 mm"): None,
+    ("move", "to", "46 mm"): "Expected -45 mm to 45 mm.",
+    ("step", "by", "1.6 mm"): "Expected -1.5 mm to 1.5 mm.",
+}
+
+
+@every_case(("word", "option", "text"), list(LINEAR))
+def test_a_field_says_what_it_expects(typed, word, option, text):
+    one = typed()
+    (step,) = [step for step in STEPS if step.word == word]
+    (entry,) = [entry for entry in step.entries if entry.option == option]
+    assert problem(step, entry, text, axis(one.file, one.keys, "axis")) == LINEAR[word, option, text]
+
+
+def test_a_move_needs_one_goal():
+    (move,) = [one for one in STEPS if one.word == "move"]
+    assert missing(move, {"by": "", "to": ""}) == missing(move, {"by": "1 mm", "to": "1 mm"}) != ""
+    assert missing(move, {"by": "1 mm"}) == missing(move, {"to": "1 mm", "homed": True}) == ""
+    assert "homed since power-on" in missing(move, {"to": "1 mm"})
+
+
+def test_the_live_state_is_a_line_of_each_drive():
+    watch = SimpleNamespace(is_on=True, problem="", rows={})
+    watch.rows["axis"] = [("6041h Statusword", "Switch on disabled; voltage (0050h)"), ("6077h Torque", "0 A (0)")]
+    text = state_text(SimpleNamespace(watch=watch, running=False))
+    assert text == ('<p><b>axis</b><span title="6041h Statusword">state <b>Switch on disabled; voltage</b></span></p>')
+    watch.rows["axis"] = [("no answer", "<abort>")]
+    assert "no answer <b>&lt;abort&gt;</b>" in state_text(SimpleNamespace(watch=watch, running=False))
+    watch.is_on = False
+    assert "Live state is off." in state_text(SimpleNamespace(watch=watch, running=False))
 
 
 def test_what_one_watches_over_stands_there_in_words():

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from hw_bridge.hardware import HardwareKeys
 
 PAGE = "hw_bridge.attendance"  # of click's context
+STOPPED_IN_STATE = r": stopped, in (.*)\."  # last line of an interrupted command, which a page shows
 
 
 def attach_page_watchdog(context: click.Context, _option: click.Parameter, end: int | None) -> None:
@@ -124,6 +125,10 @@ def single_axis_session(
                 yield session
             if homes or keeps:
                 reference.save(session.node)
+        except KeyboardInterrupt:
+            say()  # a jog leaves its last line open
+            say(f"{name}: stopped, in {session.node.state}.")
+            raise
         finally:
             for text in session.master.recovered:
                 paragraph(text)

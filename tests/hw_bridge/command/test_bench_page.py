@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from hw_bridge.command.bench.motion import READY
-from hw_bridge.command.pages import TITLE, Page, armed, fill
+from hw_bridge.command.pages import SIMULATED, TITLE, Page, armed, fill
 from hw_bridge.command.typed import Typed
 from twin.errors import TwinError
 
@@ -17,7 +17,8 @@ LIMITS = "{position: [-20 mm, 30 mm], velocity: 100 mm/s, acceleration: 4 m/s^2}
 HOMING = ", homing: {method: 37, at: 4 mm}"
 REAL = "interface: socketcan\nchannel: can0"
 MOTIONS = ["power on for a jog", "move", "home", "step"]
-BUTTONS = ["push", "by hand", *MOTIONS, "reset", "enable", "disable"]
+READING = ["scan", "status", "dump", "compare", "check"]
+BUTTONS = [*READING, "push", "by hand", *MOTIONS, "reset", "enable", "disable"]
 
 
 @pytest.fixture
@@ -66,7 +67,7 @@ def build():
         return SimpleNamespace(
             labels=[element.text for element in elements if isinstance(element, ui.label) and element.text],
             html=[element.content for element in elements if isinstance(element, ui.html)],
-            inputs=[(element.props["label"], element.props["placeholder"]) for element in inputs],
+            inputs=[(element.props["label"], element.value, element.props["hint"]) for element in inputs],
             boxes=[element.text for element in elements if isinstance(element, ui.checkbox)],
             enabled={element.text: element.enabled for element in buttons},
             controls=[element.props["controls"] for element in elements if "controls" in element.props],
@@ -82,29 +83,32 @@ def build():
 def test_a_simulated_bench(typed, build):
     runner = typed(homing=HOMING)
     page = build(runner)
-    assert list(page.enabled) == ["scan", "status", "dump", "compare", *BUTTONS]  # the module's are like the drive's
-    assert all(page.enabled.values())
-    assert len(page.buttons) == 1 + 3 + 3 + len(BUTTONS)
+    assert list(page.enabled) == BUTTONS  # the module's are like the drive's
+    assert {name for name, enabled in page.enabled.items() if not enabled} == {"compare", "move"}
+    assert page.labels.count("Dump first.") == 2
+    assert "Fill in either “by” or “to”." in page.labels
+    assert len(page.buttons) == len(READING) + len(BUTTONS)
     assert page.html[2] == '<p class="twin-state twin-good">simulated drives</p>'
     assert page.labels[-1] == "Each button runs the command that you would type; it is shown here."
-    assert page.labels[:4] == [
+    assert page.labels[:5] == [
         "bench.yaml",
         f"{runner.file}: simulated: each command has a bus of its own",
+        SIMULATED,
         "axis",
         "node 3, -20 mm to 30 mm, 100 mm/s, 4 m/s^2; limits are those of the hardware file",
     ]
     assert [text for text in page.labels if text.startswith("Method")] == ["Method 37, then it is at 4 mm:"]
     assert "1. it does not move: where it stands is the reference" in page.labels
-    assert page.labels[-2] == "valves"
+    assert "valves" in page.labels
     assert page.inputs == [
-        ("speed", "5 mm/s"),
-        ("acceleration", "0.5 m/s^2"),
-        ("at most, each way", "1 mm"),
-        ("by", "1 mm"),
-        ("to (homed)", "1 mm"),
-        ("speed", "5 mm/s"),
-        ("acceleration", "0.5 m/s^2"),
-        ("by", "1 mm"),
+        ("speed", "2 mm/s", "up to 80 mm/s"),
+        ("acceleration", "0.4 m/s^2", "up to 4 m/s^2"),
+        ("at most, each way", "10 mm", "within the limits"),
+        ("by", "", "-50 mm to 50 mm"),
+        ("to (homed)", "", "-20 mm to 30 mm"),
+        ("speed", "2 mm/s", "up to 80 mm/s"),
+        ("acceleration", "0.4 m/s^2", "up to 4 m/s^2"),
+        ("by", "0.5 mm", "-2.5 mm to 2.5 mm"),
     ]
     assert page.boxes == ["homed since power-on"] * 2 + [
         "find the gains that explain a difference",
@@ -115,8 +119,8 @@ def test_a_simulated_bench(typed, build):
 @pytest.mark.parametrize(
     ("arm", "kind", "text", "off"),
     [
-        (False, "good", "not armed: nothing moves from here", {"push", "enable", *MOTIONS}),
-        (True, "warn", "armed: drives may move", {"home"}),
+        (False, "good", "not armed: nothing moves from here", {"compare", "push", "enable", *MOTIONS}),
+        (True, "warn", "armed: drives may move", {"compare", "move", "home"}),
     ],
 )
 def test_a_real_bench_without_homing(typed, build, arm, kind, text, off):
@@ -125,7 +129,7 @@ def test_a_real_bench_without_homing(typed, build, arm, kind, text, off):
     assert armed(runner) == (kind, text)
     page = build(runner)
     assert {name for name, enabled in page.enabled.items() if not enabled} == off
-    assert page.labels.count("Real drives, not armed: end this console and start it with --arm.") == len(off) - 1
+    assert page.labels.count("Real drives, not armed: end this console and start it with --arm.") == (0 if arm else 5)
     assert any(label.startswith("axis: has no `homing` in the hardware file.") for label in page.labels)
     assert f"{runner.file}: socketcan can0" in page.labels
 
@@ -142,14 +146,21 @@ def test_buttons_begin_commands(typed, build, monkeypatch):
         ("status", "axis", ["status", "axis"], [], False),
         ("dump", "axis", ["dump", "axis"], [f"{folder}/axis.dcf"], False),
         ("compare", "valves", ["compare", "valves"], [f"{folder}/valves.dcf"], False),
-        ("step", "axis", ["step", "axis"], [f"--plot={folder}/axis_step.svg"], True),
+        ("step", "axis", ["step", "axis"], ["--by=0.5 mm", f"--plot={folder}/axis_step.svg"], True),
+        (
+            "power on for a jog",
+            "axis",
+            ["jog", "axis"],
+            ["--velocity=2 mm/s", "--acceleration=0.4 m/s^2", "--distance=10 mm"],
+            True,
+        ),
     ):
         own = [button for button in buttons if button.text == name]
         (listener,) = own[-1 if node == "valves" else 0]._event_listeners.values()
         listener.handler(None)
         expected = [*words, "-f", str(runner.file), *options, "--build", "build"]
         assert runner.started.pop() == (expected, attended)
-        assert folder.is_dir() is (name in ("dump", "compare", "step"))
+        assert folder.is_dir() is (name not in ("scan", "push", "by hand", "status"))
 
 
 def test_only_the_operator_acts_and_errors_are_shown(typed, monkeypatch):
@@ -177,10 +188,14 @@ def test_the_card_of_a_running_command(typed, build):
     runner.begin("jog", "axis", (), (10.0, "mm/s"))
     runner.running = True
     page = build(runner)
-    assert page.labels[-1] == runner.line == f"twin hil jog axis -f {runner.file}"
+    assert page.labels[-2] == runner.line == f"twin hil jog axis -f {runner.file}"
+    assert page.labels[-1] == "powering on ... Keys have no effect yet."
+    assert {name for name, enabled in page.enabled.items() if enabled} == {"end"}
     assert (page.enabled["end"], page.spins, page.controls) == (True, False, [])
     runner.text = f"axis: {READY}"
-    ((control,),) = build(runner).controls
+    page = build(runner)
+    assert page.labels[-1] == "ready: hold an arrow key or a button"
+    ((control,),) = page.controls
     assert (control["name"], control["keys"]) == ("jog axis", ["ArrowRight", "ArrowLeft"])
     assert (control["low"], control["high"], control["unit"]) == (-10.0, 10.0, "mm/s")
     runner.word = "status"

@@ -12,7 +12,8 @@ from click.testing import CliRunner
 from hw_bridge.bus import NEVER
 from hw_bridge.command import control as control_channel
 from hw_bridge.command import drive
-from hw_bridge.command.pages import STEPS, Page, listed, options, picture
+from hw_bridge.command.commissioning_steps import STEPS, options
+from hw_bridge.command.pages import Page, listed, picture
 from hw_bridge.command.typed import READY, SHOWN, Typed, settled
 from hw_bridge.commission import Axis
 from hw_bridge.fault import Cause, Fault
@@ -204,11 +205,12 @@ def test_a_page_begins_steps(make, rotary, speed):
     typed = make()
     page = Page(typed.console, lambda: True, typed)
     drive_axis = Axis("axis", load(typed.file).nodes["axis"], rotary)
-    page.begin(STEP["jog", "power on for a jog"], drive_axis, {"velocity": "10 deg/s" if rotary else "10 mm/s"})
+    velocity = {"velocity": "10 deg/s" if rotary else "10 mm/s"}
+    page.begin(STEP["jog", "power on for a jog"], "axis", velocity, drive_axis)
     assert (typed.word, typed.node) == ("jog", "axis")
     assert typed.speed == (pytest.approx(speed[0]), speed[1])
     typed.running = False
-    page.begin(STEP["step", "step"], drive_axis, {})
+    page.begin(STEP["step", "step"], "axis", {}, drive_axis)
     assert typed.started[-1][0][4:] == [f"--plot={page.plot('axis')}", "--build", "build"]
     typed.running = False
     page.plot("axis").write_text("<svg/>")
@@ -217,7 +219,10 @@ def test_a_page_begins_steps(make, rotary, speed):
     assert picture(page).startswith('<img class="full-width"')
     typed.done.appendleft((0.0, "twin hil step axis", 1))
     assert picture(page) == ""
+    typed.done.appendleft((0.0, "twin hil jog axis", 130))
+    assert typed.record().splitlines()[-1].endswith("  twin hil jog axis  exit code 130")
     lines = listed(typed).split("<li>")
+    assert "<b>stopped</b>" in lines.pop(1)
     assert len(lines) == 3
     assert '<b class="twin-bad">exit code 1</b>' in lines[1]
     assert lines[2].endswith("twin hil step &lt;axis&gt;</li></ul>")

@@ -1,0 +1,202 @@
+"""Steps of the commissioning page: a command of `twin hil` each, with the fields for its options, in the tutorial's order."""
+
+from __future__ import annotations
+
+import math
+import re
+import shlex
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from hw_bridge.command.bench.motion import GENTLE, ROUND, SLOW
+from hw_bridge.command.bench.step import SHARE
+from hw_bridge.commission import EXAMPLES, SLOWEST_STOP
+from hw_bridge.hardware import TARGET_SHARE
+from twin.errors import TwinError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from hw_bridge.commission import Axis
+
+QUANTITY = re.compile(r"[-+]?[0-9.]+([eE][-+]?[0-9]+)? ?[A-Za-z°µ/^*0-9]*")  # the command says what it means
+LONGEST = 40  # characters of it
+ROUNDING = 1e-9  # relative; of a limit that is shown in another unit
+VARIANTS = frozenset({"--by-hand"})  # options that make another step of the same command
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A field for an option of the command. `per`: of a position (""), a speed ("/s"), an acceleration; None: a check box."""
+
+    option: str
+    label: str
+    per: str | None = ""
+
+
+BY, TO = Entry("by", "by"), Entry("to", "to (homed)")
+VELOCITY, ACCELERATION = Entry("velocity", "speed", "/s"), Entry("acceleration", "acceleration", "/s^2")
+DISTANCE, HOMED = Entry("distance", "at most, each way"), Entry("homed", "homed since power-on", None)
+
+
+@dataclass(frozen=True)
+class Step:
+    """A command with its fields. `always`: options of this button. `is_bus_wide`: it names no node."""
+
+    word: str
+    button: str
+    about: str
+    entries: tuple[Entry, ...] = ()
+    always: tuple[str, ...] = ()
+    is_bus_wide: bool = False
+
+    @property
+    def title(self) -> str:
+        """Name of the step; the two kinds of `direction` differ by their button."""
+        return f"{self.word}, {self.button}" if self.word == "direction" else self.word
+
+
+READING = (
+    Step("scan", "scan", "Asks all node-IDs of the bus. Nothing is written.", is_bus_wide=True),
+    Step("status", "status", "State, limits, temperatures, voltages, and the last errors with a remedy."),
+    Step("dump", "dump", "Saves all objects of the drive in a DCF file, before anything changes them."),
+    Step("compare", "compare", "Shows what differs between the drive and its dump."),
+    Step(
+        "check",
+        "check",
+        "Lists each object that a run writes, before and after, and what differs from the hardware file.",
+        is_bus_wide=True,
+    ),
+)
+STEPS = (  # in the order of the first-motion page
+    *READING,
+    Step(
+        "direction",
+        "push",
+        "A push of slowly growing force both ways, a few increments far: does the encoder count the way "
+        "the motor goes? Nothing holds the axis meanwhile.",
+    ),
+    Step(
+        "direction",
+        "by hand",
+        "Power off: move it to where positions of the member grow, within 20 s. Is `inverted` right?",
+        always=("--by-hand",),
+    ),
+    Step(
+        "jog",
+        "power on for a jog",
+        "Then it moves while you hold a button or an arrow key.",
+        (VELOCITY, ACCELERATION, DISTANCE, HOMED),
+    ),
+    Step("move", "move", "Goes there with a ramp, rests, and is disabled.", (BY, TO, VELOCITY, ACCELERATION, HOMED)),
+    Step("home", "home", ""),
+    Step(
+        "step",
+        "step",
+        "A small jump of its target, drawn beside the simulated drive's.",
+        (BY, Entry("explain", "find the gains that explain a difference", None)),
+    ),
+)
+ANY_TIME = (
+    Step("reset", "reset", "Tells what a drive in Fault says of its cause, then resets it. Power stays off."),
+    Step("enable", "enable", "Power on, its place held, until you end it.", (HOMED,)),
+    Step("disable", "disable", "Quick stop and power off, for a drive that another program left on."),
+)
+
+
+def default(step: Step, entry: Entry, axis: Axis) -> str:
+    """Value that the command uses for this drive if the option is missing; empty if it has none."""
+    limits = axis.keys.limits
+    if entry is VELOCITY:
+        return axis.format_quantity(SLOW * limits.velocity, "/s")
+    if entry is ACCELERATION:
+        return axis.format_quantity(GENTLE * limits.acceleration, "/s^2")
+    if entry is DISTANCE:
+        return axis.format_quantity(ROUND[axis.unit])
+    return axis.format_quantity(0.1 * limits.following_error) if step.word == "step" else ""
+
+
+def bounds(step: Step, entry: Entry, axis: Axis) -> tuple[float, float]:
+    """Least and greatest value that the command accepts, in SI units."""
+    limits = axis.keys.limits
+    low, high = limits.position
+    if entry is VELOCITY:
+        fastest = SLOWEST_STOP * limits.acceleration if step.word == "jog" else math.inf
+        return 0.0, min(TARGET_SHARE * limits.velocity, fastest)
+    if entry is ACCELERATION:
+        return 0.0, limits.acceleration
+    if entry is DISTANCE:
+        return 0.0, math.inf
+    if entry is TO:
+        return low, high
+    most = SHARE * limits.following_error if step.word == "step" else high - low
+    return -most, most
+
+
+def hint(step: Step, entry: Entry, axis: Axis) -> str:
+    """Permitted values, in the unit of the drive."""
+    low, high = bounds(step, entry, axis)
+    if not math.isfinite(high):
+        return "within the limits"
+    most = axis.format_quantity(high, entry.per or "")
+    return f"up to {most}" if low == 0.0 and entry is not TO else f"{axis.format_quantity(low)} to {most}"
+
+
+def problem(step: Step, entry: Entry, text: str, axis: Axis) -> str | None:
+    """What is wrong with the text of a field, before the command checks it."""
+    if not (text := text.strip()):
+        is_optional = step.word == "move" and entry in (BY, TO)
+        return None if is_optional else f"Expected a value: {hint(step, entry, axis)}."
+    try:
+        value = axis.si(quantity(entry, text, axis.unit), entry.label, entry.per or "")
+    except TwinError as error:
+        return str(error)
+    low, high = bounds(step, entry, axis)
+    slack = ROUNDING * abs(high)
+    is_inside = low - slack <= value <= high + slack and (value != 0.0 or entry is TO)
+    return None if is_inside else f"Expected {hint(step, entry, axis)}{'' if value else ', not 0'}."
+
+
+def missing(step: Step, values: dict[str, Any]) -> str:
+    """What has to be filled in before the command can start, or nothing."""
+    if step.word != "move":
+        return ""
+    by, to = (str(values.get(entry.option) or "").strip() for entry in (BY, TO))
+    if bool(by) == bool(to):
+        return "Fill in either “by” or “to”."
+    return f"“to” needs a home position: {HOMED.label}." if to and not values.get("homed") else ""
+
+
+def quantity(entry: Entry, text: str, unit: str = "m") -> str:
+    """The text if it has the form of a quantity; else TwinError. `unit`: of positions, for the example."""
+    if len(text) > LONGEST or not QUANTITY.fullmatch(text):
+        example = EXAMPLES[f"{unit}{entry.per or ''}"]
+        raise TwinError(f"{entry.label}: expected a number with its unit, such as {example!r}.")
+    return text
+
+
+def options(step: Step, values: dict[str, Any]) -> list[str]:
+    """Convert the fields to command-line options; TwinError for invalid quantities. The command checks all of them."""
+    arguments = list(step.always)
+    for entry in step.entries:
+        value = values.get(entry.option)
+        if entry.per is None:
+            arguments += [f"--{entry.option}"] * (value is True)
+        elif isinstance(value, str) and (text := value.strip()):
+            arguments.append(f"--{entry.option}={quantity(entry, text)}")
+    return arguments
+
+
+def is_step(step: Step, name: str, line: str) -> bool:
+    """Whether a command line is this step of this drive."""
+    words = shlex.split(line)
+    return (
+        words[2:3] == [step.word]
+        and (step.is_bus_wide or name in words[3:5])
+        and VARIANTS.intersection(words) == VARIANTS.intersection(step.always)
+    )
+
+
+def is_done(step: Step, name: str, done: Iterable[tuple[float, str, int]]) -> bool:
+    """Whether this step of this drive has succeeded since the server was started."""
+    return any(code == 0 and is_step(step, name, line) for _, line, code in done)
