@@ -185,8 +185,11 @@ def test_the_command_runs_a_study_and_one_of_its_cases_again(tmp_path, build):
     done = runner.invoke(group, ["study", str(path), "--workers", "2", *folders])
     assert done.exit_code == 0, done.output
     assert "force_max" in done.output
-    assert "12 cases, 0 did not finish" in done.output
-    (folder,) = (tmp_path / "runs" / "patients").iterdir()
+    assert "12 cases in " in done.output
+    assert "Report: " in done.output
+    link = tmp_path / "runs" / "patients" / "latest"
+    (folder,) = (path for path in link.parent.iterdir() if path != link)
+    assert link.resolve() == folder.resolve()
     told = json.loads((folder / "answers.json").read_text())
     assert told["cases"] == 12
     assert {one["name"] for one in told["expectations"]} == {"gentle", "softer is gentler"}

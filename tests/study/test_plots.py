@@ -216,7 +216,9 @@ def test_bars_of_what_drives_a_metric(drawn):
     assert axis.yaxis_inverted()
     assert axis.get_xlabel() == "part of the variance of force"
     assert [one.get_text() for one in axis.get_legend().get_texts()] == ["first order", "total"]
-    (axis,) = plots.effects(MetricSensitivity("force", "plain", "morris", (Effect("rate", 0.004, (0.003, 0.005)),)), "mN")
+    (axis,) = plots.effects(
+        MetricSensitivity("force", "plain", "morris", (Effect("rate", 0.004, (0.003, 0.005)),)), "mN"
+    )
     assert bars(axis) == [[(0.0, 4.0)]]
     assert axis.get_xlabel() == "mean absolute effect on force [mN]"
     assert axis.get_legend() is None

@@ -11,7 +11,7 @@ import numpy as np
 from twin import clock
 from twin.results import format_value, si_conversion, write_text
 from twin.study.answers import plots, tables
-from twin.study.answers.headline import Sentence, headline, lowest_pass_rate, holm_note
+from twin.study.answers.headline import Sentence, headline, holm_note, lowest_pass_rate
 from twin.study.answers.paired import MIN_SAMPLES
 from twin.study.answers.summary import Answers, cleaned, percent
 from twin.study.execution import case_table, manifest
