@@ -165,6 +165,9 @@ def studied(calls, monkeypatch):
             Answers=lambda _: SimpleNamespace(failed=failed),
         )
         monkeypatch.setattr(study, "show", lambda *_: click.echo("shown"))
+        monkeypatch.setattr(
+            study, "show_verdict", lambda outcome, answers, file: click.echo(f"DONE {outcome.folder}/{file}")
+        )
         monkeypatch.setattr(sys, "argv", ["twin", "study", "a b.yaml"])
         return run(study.command, "a.yaml", *words)
 
@@ -174,15 +177,15 @@ def studied(calls, monkeypatch):
 @pytest.mark.parametrize(
     ("status", "cases", "failed", "result"),
     [
-        ("completed", 3, 0, (0, ["shown", "runs/a/time/report.html"], [])),
-        ("completed", 3, 1, (1, ["shown", "runs/a/time/report.html"], [])),
+        ("completed", 3, 0, (0, ["shown", "DONE runs/a/time/report.html"], [])),
+        ("completed", 3, 1, (1, ["shown", "DONE runs/a/time/report.html"], [])),
         (
             "interrupted",
             1,
             1,
             (
                 130,
-                ["shown", "runs/a/time/report.html"],
+                ["shown", "DONE runs/a/time/report.html"],
                 ["interrupted: 1 case is kept. Continue with --resume."],
             ),
         ),
@@ -197,7 +200,7 @@ def test_options_of_a_study(studied, calls):
     studied("completed", 1, 0)
     words = ("--workers", "1024", "--scheduler", "tcp://h:1", "--resume", "--timeout", "2.5", "--memory", "1.5")
     printed = studied("completed", 1, 0, *words, "--runs", "r", "--build", "b", "--no-report")[1]
-    assert printed == ["shown", "runs/a/time/cases.parquet"]
+    assert printed == ["shown", "DONE runs/a/time/cases.parquet"]
     (_, first, defaults), (_, _, given) = calls
     assert first == Study("a", "Title")
     assert (defaults.pop("listen"), given.pop("listen")) != (None, None)

@@ -1,11 +1,13 @@
 """What commands print of their results: each table as a whole, from results that a test chooses."""
 
+import io
 import re
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from tests.cli.replaced import replace
 from twin.cli import follow, identify, profile, progress, simulate, study, validate
@@ -187,7 +189,10 @@ def test_results_of_a_study(capsys, monkeypatch):
     """Distributions, pass rates, failures, the worst case and what tuning found; with changes, these instead."""
     outcome, answers = study_outcome()
     replace(
-        monkeypatch, "twin.study", percent="{:.0%}".format, headline=lambda _: [SimpleNamespace(text="A sentence.")]
+        monkeypatch,
+        "twin.study",
+        percent="{:.0%}".format,
+        headline=lambda _: [SimpleNamespace(text="A sentence.", case=9)],
     )
     study.show(outcome, answers)
     first = rows(capsys.readouterr().out)
@@ -203,11 +208,9 @@ def test_results_of_a_study(capsys, monkeypatch):
         ["expectation", "variant", "pass rate", "95% interval"],
         ["safe", "PI", "85%", "80 to 90 %"],
         ["fails: safe (PI): 2 cases, rate high, noise low, e.g. 5"],
-        ["fails: fast (PI): 1 case, e.g. 9"],
         ["worst: force of PI force 9 in case 3; worst random case force 7"],
         ["tuned: gain 2 1/s; worst of force on unseen samples force 3, with the scenario's values force 4"],
         ["A sentence."],
-        ["30 cases, 2 did not finish, 4 s, 5 per second"],
     ]
     assert second == [
         ["Study"],
@@ -215,8 +218,58 @@ def test_results_of_a_study(capsys, monkeypatch):
         ["rate up", "force", "force 1", "force 2"],
         ["tuned: none of 5 trials meets the limits"],
         ["A sentence."],
-        ["30 cases, 2 did not finish, 0 s, 0 per second"],
     ]
+
+
+@pytest.mark.parametrize(
+    ("status", "failed", "parts", "runs", "line"),
+    [
+        (
+            "completed",
+            0,
+            [1.0],
+            {},
+            "PASS 30 cases in 4 s (5 per second). Report: runs/a/1/r.html  Look: twin run --case a:5",
+        ),
+        (
+            "completed",
+            0,
+            [0.5],
+            {7: "x"},
+            "DONE 30 cases in 4 s (5 per second). Report: runs/a/1/r.html  Look: twin view a:7",
+        ),
+        (
+            "completed",
+            2,
+            [1.0],
+            {},
+            "FAIL 30 cases in 4 s (5 per second). Report: runs/a/1/r.html  Look: twin run --case a:5",
+        ),
+        (
+            "interrupted",
+            0,
+            [],
+            {},
+            "INTERRUPTED 30 cases in 4 s (5 per second). Report: runs/a/1/r.html  Look: twin run --case a:5",
+        ),
+    ],
+)
+def test_the_last_line_of_a_study(capsys, status, failed, parts, runs, line):
+    outcome, answers = study_outcome()
+    outcome.status, outcome.runs, outcome.folder, outcome.study.name = status, runs, Path("runs/a/1"), "a"
+    answers.failed, answers.shares = failed, [SimpleNamespace(part=part) for part in parts]
+    study.show_verdict(outcome, answers, "r.html")
+    assert capsys.readouterr().out.strip() == line
+
+
+def test_a_narrow_terminal_does_not_break_names_of_metrics(monkeypatch):
+    outcome, answers = study_outcome()
+    replace(monkeypatch, "twin.study", percent="{:.0%}".format)
+    answers.spreads[0].metric = "standard_deviation_of_the_force_error"
+    console = Console(file=io.StringIO(), width=60)
+    study.show_distributions(outcome, answers, console)
+    lines = [line.split() for line in console.file.getvalue().splitlines()]
+    assert ["standard_deviation_of_the_force_error"] in lines
 
 
 def test_progress_of_a_study(capsys):

@@ -45,7 +45,7 @@ def test_intervals_of_rank_correlations_hold_as_often_as_they_say():
     for _ in range(300):
         values, other = generator.standard_normal((2, 60))
         effect = sensitivity.ranked("gain", values, 0.7 * values + np.sqrt(1 - 0.7**2) * other)
-        inside.append(abs(effect.first - truth) < effect.first_half)
+        inside.append(effect.first_interval[0] < truth < effect.first_interval[1])
     assert np.mean(inside) == pytest.approx(0.95, abs=0.03)
 
 
@@ -129,7 +129,13 @@ def test_the_headline_answers_in_words(tmp_path):
         rf"\S+ % \[\S+, \S+\] of the cases pass 'gentle'; one that fails is case {number}\.", first.text
     )
     assert first.case == number
-    assert second.text == "heart.rate and heart.scale correlate most with force_max."
+    assert re.fullmatch(
+        r"heart\.rate \(rho = 0\.9\d \[0\.9\d, 0\.9\d\]\) and heart\.scale \(rho = 0\.\d\d \[\S+, \S+\]\) correlate most "
+        r"with force_max\.",
+        second.text,
+    )
+    few = headline(Answers(made(tmp_path, "latin_hypercube", 8, lambda u: u[0])))
+    assert few[-1].text == "8 samples are too few to rank the factors."
     assert lowest_pass_rate(answers) == ("warn", f"lowest pass rate {percent(answers.shares[0].part)}")
     assert linked(first, lambda case: f"<a>{case}</a>").endswith(f"is case <a>{number}</a>.")
 
@@ -179,8 +185,11 @@ def test_the_command_runs_a_study_and_one_of_its_cases_again(tmp_path, build):
     done = runner.invoke(group, ["study", str(path), "--workers", "2", *folders])
     assert done.exit_code == 0, done.output
     assert "force_max" in done.output
-    assert "12 cases, 0 did not finish" in done.output
-    (folder,) = (tmp_path / "runs" / "patients").iterdir()
+    assert "12 cases in " in done.output
+    assert "Report: " in done.output
+    link = tmp_path / "runs" / "patients" / "latest"
+    (folder,) = (path for path in link.parent.iterdir() if path != link)
+    assert link.resolve() == folder.resolve()
     told = json.loads((folder / "answers.json").read_text())
     assert told["cases"] == 12
     assert {one["name"] for one in told["expectations"]} == {"gentle", "softer is gentler"}

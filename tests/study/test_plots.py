@@ -102,7 +102,7 @@ def test_points_and_lines_lead_to_their_cases(study, drawn):
 def test_the_strongest_factor_is_shown(study):
     answers = Answers(cases_of(study))
     names = [one.name for one in study.factors]
-    effects = (Effect(names[0], 0.2, 0.0), Effect(names[2], -0.7, 0.0), Effect(names[1], 0.5, 0.0))
+    effects = (Effect(names[0], 0.2), Effect(names[2], -0.7), Effect(names[1], 0.5))
     answers.drivers = [MetricSensitivity("force_max", "plain", "rank", effects)]
     assert page.strongest(answers, "force_max", "plain") == 2
     assert page.strongest(answers, "motion", "plain") == 0
@@ -209,20 +209,25 @@ def bars(axis):
 
 
 def test_bars_of_what_drives_a_metric(drawn):
-    effects = (Effect("rate", 0.6, 0.1, 0.7, 0.2), Effect("scale", 0.2, 0.05, 0.3, float("nan")))
+    effects = (Effect("rate", 0.6, (0.5, 0.7), 0.7, (0.5, 0.9)), Effect("scale", 0.2, (0.15, 0.25), 0.3))
     (axis,) = plots.effects(MetricSensitivity("force", "plain", "sobol", effects), "mN")
     assert bars(axis) == [[(-0.2, 0.6), (0.8, 0.2)], [(0.2, 0.7), (1.2, 0.3)]]
     assert labels(axis) == ["rate", "scale"]
     assert axis.yaxis_inverted()
     assert axis.get_xlabel() == "part of the variance of force"
     assert [one.get_text() for one in axis.get_legend().get_texts()] == ["first order", "total"]
-    (axis,) = plots.effects(MetricSensitivity("force", "plain", "morris", (Effect("rate", 0.004, 0.001),)), "mN")
+    (axis,) = plots.effects(
+        MetricSensitivity("force", "plain", "morris", (Effect("rate", 0.004, (0.003, 0.005)),)), "mN"
+    )
     assert bars(axis) == [[(0.0, 4.0)]]
     assert axis.get_xlabel() == "mean absolute effect on force [mN]"
     assert axis.get_legend() is None
-    (axis,) = plots.effects(MetricSensitivity("force", "plain", "rank", (Effect("rate", -0.4, 0.1),)), "mN")
+    (axis,) = plots.effects(MetricSensitivity("force", "plain", "rank", (Effect("rate", -0.4, (-0.9, 0.3)),)), "mN")
     assert bars(axis) == [[(0.0, -0.4)]]
     assert axis.get_xlabel() == "rank correlation with force"
+    assert axis.get_xlim() == (-1.0, 1.0)
+    (whisker,) = axis.collections[0].get_segments()
+    assert whisker[:, 0] == pytest.approx([-0.9, 0.3])
 
 
 def test_a_tornado_has_the_largest_change_first(drawn):

@@ -11,7 +11,8 @@ from tests.study.patients import STUDY, study_file
 from twin.study import Answers, load_study
 from twin.study.answers import clusters, sensitivity, statistics, tables
 from twin.study.answers.clusters import DiscriminatingFactor, discriminating_factors
-from twin.study.answers.sensitivity import Effect, by_size, driven, ranked
+from twin.study.answers.headline import largest_p_value
+from twin.study.answers.sensitivity import Effect, MetricSensitivity, by_size, driven, ranked
 from twin.study.answers.statistics import PassRate, Quantile, quantile, wilson
 from twin.study.design import Distribution
 from twin.study.design.distribution import KINDS, wrong_numbers
@@ -154,17 +155,43 @@ def test_rank_correlation_with_fishers_interval():
     values = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
     found = ranked("rate", values, np.array([1.0, 3.0, 2.0, 5.0, 40.0]))
     assert found.first == pytest.approx(0.9)
-    assert found.first_half == pytest.approx(1.96 * np.sqrt((1 + 0.405) / 2) * 0.19, rel=1e-4)
-    assert np.isnan([found.total, found.total_half]).all()
+    half = 1.96 * np.sqrt((1 + 0.405) / 2)
+    assert found.first_interval == pytest.approx((np.tanh(1.47222 - half), np.tanh(1.47222 + half)), abs=1e-4)
+    assert np.isnan([found.total, *found.total_interval]).all()
     assert ranked("rate", -values, np.array([1.0, 3.0, 2.0, 5.0, 40.0])).first == pytest.approx(-0.9)
     constant = ranked("rate", np.ones(5), values)
-    assert (constant.first, np.isnan(constant.first_half)) == (0.0, True)
+    assert (constant.first, np.isnan(constant.first_interval).all()) == (0.0, True)
     two = ranked("rate", values[:2], values[:2])
-    assert (two.first, two.first_half) == (pytest.approx(1.0), pytest.approx(0.0))
+    assert (two.first, two.first_interval) == (pytest.approx(1.0), (-1.0, 1.0))
+    both_seeds = ranked("rate", np.tile(values, 2), np.tile([1.0, 3.0, 2.0, 5.0, 40.0], 2), seeds=2)
+    assert both_seeds.first_interval == pytest.approx(found.first_interval, abs=1e-9)
+
+
+def test_intervals_of_eight_ranks_stay_within_one():
+    generator, values = np.random.default_rng(3), np.arange(8.0)
+    for output in [*generator.standard_normal((50, 8)), values, -values]:
+        effect = ranked("rate", values, output)
+        low, high = effect.first_interval
+        assert -1.0 <= low <= effect.first + 1e-12
+        assert effect.first - 1e-12 <= high <= 1.0
+        assert (effect.p_value < 0.05) == (low > 0.0 or high < 0.0)
+    assert ranked("rate", values, values).first_interval == (pytest.approx(0.81, abs=0.02), 1.0)
+
+
+def test_holms_method_accepts_few_of_many_tests():
+    def driver(*p_values):
+        effects = tuple(Effect(f"f{k}", 0.5, p_value=value) for k, value in enumerate(p_values))
+        return MetricSensitivity("force", "plain", "rank", effects)
+
+    assert largest_p_value([driver(0.04)]) == 0.04
+    assert largest_p_value([driver(0.04, 0.03)]) == -1.0
+    assert largest_p_value([driver(0.01), driver(0.04)]) == 0.04  # 0.025, then 0.05
+    assert largest_p_value([driver(0.01, 0.03, 0.2)]) == 0.01
+    assert largest_p_value([driver(NAN)]) == -1.0
 
 
 def test_the_strongest_effect_comes_first():
-    effects = [Effect("a", 0.1, 0.0, 0.2), Effect("b", -0.5, 0.0), Effect("c", 0.9, 0.0, 0.3), Effect("d", 0.4, 0.0)]
+    effects = [Effect("a", 0.1, total=0.2), Effect("b", -0.5), Effect("c", 0.9, total=0.3), Effect("d", 0.4)]
     assert [one.factor for one in by_size(effects)] == ["b", "d", "c", "a"]
 
 

@@ -62,6 +62,7 @@ def test_names_of_studies_and_their_cases(tmp_path):
         (folder / manifest.NAME).write_text(json.dumps({"runs": {"7": "cases/x/run"}}))
         (folder / case_table.NAME).touch()
     newest = runs / "patients" / "b"
+    (runs / "patients" / "latest").symlink_to("b")
     assert latest(runs, "patients") == newest
     for text in ("patients:7", "here/patients.yaml:7", "here/patients.yml:7", f"{newest}:7"):
         assert resolve_case(text, runs) == (newest, 7)

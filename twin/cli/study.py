@@ -14,7 +14,7 @@ import click
 from twin.cli import completion
 from twin.cli.options import build_option, no_report_option, runs_option, timeout_option
 from twin.cli.progress import ProgressBar
-from twin.cli.terminal import make_table, open_console, say, show_elapsed, show_text
+from twin.cli.terminal import NO_BREAK_SPACE, make_table, open_console, say, show_elapsed, show_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from twin.study import Answers, Study, StudyOutcome, StudyProgress, TimeEstimate
 
 LINE_INTERVAL = 10.0  # between two progress lines without a bar [s]
+LARGEST = "largest in case"  # title of a column
 MAX_FAILURES = 8  # groups of failed cases that are listed
 
 
@@ -108,7 +109,7 @@ def command(
     answers = Answers(outcome.cases) if count else None
     if answers is not None:
         show(outcome, answers)
-        say(str(outcome.folder / ("cases.parquet" if no_report else "report.html")))
+        show_verdict(outcome, answers, "cases.parquet" if no_report else "report.html")
     if outcome.status == "interrupted":
         say(f"interrupted: {count} case{'s are' if count != 1 else ' is'} kept. Continue with --resume.", err=True)
         sys.exit(130)
@@ -182,7 +183,7 @@ def extent(study: Study) -> str:
 
 
 def show(outcome: StudyOutcome, answers: Answers) -> None:
-    """Print the results as tables that fit 80 columns where names are short."""
+    """Print the results as tables and sentences."""
     from twin.study import headline
 
     console = open_console()
@@ -193,7 +194,11 @@ def show(outcome: StudyOutcome, answers: Answers) -> None:
         show_distributions(outcome, answers, console)
     if answers.shares:
         show_pass_rates(outcome, answers, console)
+    sentences = headline(answers)
+    named = {sentence.case for sentence in sentences}
     for cluster in answers.clusters[:MAX_FAILURES]:
+        if cluster.cases[0] in named and not cluster.factors:
+            continue  # a sentence says the same
         factors = ", ".join(f"{mark.factor} {'high' if mark.separation > 0 else 'low'}" for mark in cluster.factors)
         number = len(cluster.cases)
         console.print(
@@ -201,23 +206,41 @@ def show(outcome: StudyOutcome, answers: Answers) -> None:
             f"e.g. {cluster.cases[0]}"
         )
     show_search(outcome, answers, console)
-    for sentence in headline(answers):
+    for sentence in sentences:
         show_text(sentence.text)
-    rate = (len(outcome.cases.rows) - outcome.before) / outcome.seconds if outcome.seconds else 0.0
-    console.print(
-        f"{len(outcome.cases.rows)} cases, {answers.failed} did not finish, {outcome.seconds:.0f} s, {rate:.3g} per second"
-    )
+
+
+def show_verdict(outcome: StudyOutcome, answers: Answers, file: str) -> None:
+    """Print the last line: the verdict, the number of cases, the computing time, and where to look."""
+    count = len(outcome.cases.rows)
+    rates = [rate.part for rate in answers.shares]
+    passes = bool(rates) and min(rates) == 1.0
+    word = "FAIL" if answers.failed else "PASS" if passes else "DONE"
+    word = word if outcome.status == "completed" else outcome.status.upper()
+    rate = f" ({(count - outcome.before) / outcome.seconds:.3g} per second)" if outcome.seconds else ""
+    name = outcome.study.name if outcome.folder.parent.parent == Path("runs") else str(outcome.folder)
+    failing = [cluster.cases[0] for cluster in answers.clusters]
+    number = next(iter([*outcome.runs, *failing, 1]))
+    look = f"twin view {name}:{number}" if number in outcome.runs else f"twin run --case {name}:{number}"
+    label = "Report" if file.endswith(".html") else "Results"
+    locations = [text.replace(" ", NO_BREAK_SPACE) for text in (f"{label}: {outcome.folder / file}", f"Look: {look}")]
+    style = {"PASS": "bold green", "DONE": "bold"}.get(word, "bold red")
+    show_text(f"{count} cases in {outcome.seconds:.3g} s{rate}. {'  '.join(locations)}", f"{word} ", style)
 
 
 def show_distributions(outcome: StudyOutcome, answers: Answers, console: Console) -> None:
-    """Print quantiles of the metrics."""
+    """Print quantiles of the metrics, in the layouts of `twin run` for any width."""
+    from twin.run.report import MetricTable
     from twin.study import percent
 
-    quantiles = (percent(quantile) for quantile in outcome.study.keys.quantiles)
-    table = make_table("metric", "variant", *quantiles, "largest in case", left=2)
+    quantiles = [percent(quantile) for quantile in outcome.study.keys.quantiles]
+    rows = []
     for spread in answers.spreads:
         values = [answers.metric(spread.metric, quantile.value) for quantile in spread.quantiles]
-        table.add_row(spread.metric, spread.variant, *values, str(spread.most[0]))
+        numbers = {**dict(zip(quantiles, values, strict=True)), LARGEST: str(spread.most[0])}
+        rows.append({"metric": spread.metric, "variant": spread.variant, "paper": "-", "verdict": "info", **numbers})
+    table = MetricTable(rows)
+    table.titles = {title: title for title in (*quantiles, LARGEST)}
     console.print(table)
 
 

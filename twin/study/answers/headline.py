@@ -6,15 +6,18 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from twin.results import common_format
+from twin.study.answers.paired import MIN_SAMPLES
 from twin.study.answers.summary import percent
 
 if TYPE_CHECKING:
     from twin.study.answers.paired import PairedDifference
-    from twin.study.answers.sensitivity import MetricSensitivity
+    from twin.study.answers.sensitivity import Effect, MetricSensitivity
     from twin.study.answers.summary import Answers
 
 MAX_SENTENCES = 3  # of a kind
 MAX_FACTORS = 2  # named as causes of a metric
+FAMILY_LEVEL = 0.05  # probability that any of the named causes is none
 MAX_MEANING = 80  # letters of a metric's description that fits into a sentence
 VERBS = {"sobol": "explain most of", "morris": "change most", "rank": "correlate most with"}
 
@@ -94,17 +97,65 @@ def pair_text(answers: Answers, pair: PairedDifference) -> str:
 
 
 def cause_sentences(answers: Answers) -> list[Sentence]:
-    """Return the factors that explain a judged metric, of those whose effect differs from none; missed ones first."""
-    sentences = []
-    judged = judged_metrics(answers)
-    for driver in sorted(
-        (one for one in answers.drivers if one.metric in judged), key=lambda one: judged.index(one.metric)
-    ):
-        if names := causes(driver):
-            verb = VERBS[driver.kind] if len(names) > 1 else VERBS[driver.kind].replace(" most", "s most", 1)
+    """Return the factors that explain a judged metric, of those whose effect survives Holm's method; missed ones first."""
+    tested = tested_drivers(answers)
+    if not tested:
+        return []
+    count = len(answers.study.design.values)
+    if tested[0].kind == "rank" and count < MIN_SAMPLES:
+        return [Sentence(f"{count} samples are too few to rank the factors.")]
+    largest, sentences = largest_p_value(tested), []
+    for driver in tested:
+        effects = [effect for effect in driver.effects if effect.p_value <= largest][:MAX_FACTORS]
+        if effects:
+            verb = VERBS[driver.kind] if len(effects) > 1 else VERBS[driver.kind].replace(" most", "s most", 1)
             variant = f" with {driver.variant}" if len(answers.study.variants) > 1 else ""
-            sentences.append(sentence(f"{' and '.join(names)} {verb} {meaning(answers, driver.metric)}{variant}."))
+            names = " and ".join(f"{effect.factor} ({effect_text(answers, driver, effect)})" for effect in effects)
+            sentences.append(sentence(f"{names} {verb} {meaning(answers, driver.metric)}{variant}."))
+    if not sentences:
+        return [Sentence(f"No effect of a factor on a judged metric differs from chance in {count} samples.")]
     return sentences[:MAX_SENTENCES]
+
+
+def tested_drivers(answers: Answers) -> list[MetricSensitivity]:
+    """Return the sensitivities of the judged metrics, missed ones first."""
+    judged = judged_metrics(answers)
+    own = (driver for driver in answers.drivers if driver.metric in judged)
+    return sorted(own, key=lambda driver: judged.index(driver.metric))
+
+
+def largest_p_value(drivers: list[MetricSensitivity], level: float = FAMILY_LEVEL) -> float:
+    """Return the largest p value that Holm's method (Scand. J. Stat. 6, 1979) accepts as an effect; -1 if none."""
+    p_values = sorted(effect.p_value for driver in drivers for effect in driver.effects if effect.p_value >= 0.0)
+    accepted, count = -1.0, len(p_values)
+    for rank, value in enumerate(p_values):
+        if value > level / (count - rank):
+            break
+        accepted = value
+    return accepted
+
+
+def holm_note(answers: Answers) -> str:
+    """Return how the headline decides on causes, for the page; "" where it ranks none."""
+    tested = tested_drivers(answers)
+    count = sum(len(driver.effects) for driver in tested)
+    if not tested or (tested[0].kind == "rank" and len(answers.study.design.values) < MIN_SAMPLES):
+        return ""
+    return (
+        f"Sentences on factors: Holm's method at {percent(FAMILY_LEVEL)} over {count} tests, each factor on each judged metric "
+        "of each variant. Intervals: 95 %, each by itself."
+    )
+
+
+def effect_text(answers: Answers, driver: MetricSensitivity, effect: Effect) -> str:
+    """Return the size of an effect with its interval: `rho = -0.62 [-0.90, -0.10]`."""
+    if driver.kind == "morris":
+        own = common_format([effect.first, *effect.first_interval], answers.study.metrics[driver.metric].unit, True)
+        low, high = map(own.number, effect.first_interval)
+        return f"mean effect {own.text(effect.first)} [{low}, {high}]"
+    name, key = ("total index", "total") if driver.kind == "sobol" else ("rho", "first")
+    low, high = getattr(effect, f"{key}_interval")
+    return f"{name} = {getattr(effect, key):.2f} [{low:.2f}, {high:.2f}]"
 
 
 def judged_metrics(answers: Answers) -> list[str]:
@@ -113,16 +164,6 @@ def judged_metrics(answers: Answers) -> list[str]:
     judged = [each for each in answers.study.scenario.expectations if each.metric in answers.study.metrics]
     judged.sort(key=lambda each: rates.get(each.name, 1.0))
     return list(dict.fromkeys(each.metric for each in judged if each.metric)) or list(answers.study.metrics)
-
-
-def causes(driver: MetricSensitivity) -> list[str]:
-    """Return the names of the strongest factors; none whose interval includes zero."""
-    names = []
-    for effect in driver.effects:
-        value, half = (effect.total, effect.total_half) if driver.kind == "sobol" else (effect.first, effect.first_half)
-        if math.isfinite(value) and abs(value) > (half if math.isfinite(half) else 0.0):
-            names.append(effect.factor)
-    return names[:MAX_FACTORS]
 
 
 def change_sentences(answers: Answers) -> list[Sentence]:

@@ -11,7 +11,7 @@ import numpy as np
 from twin import clock
 from twin.results import format_value, si_conversion, write_text
 from twin.study.answers import plots, tables
-from twin.study.answers.headline import Sentence, headline, lowest_pass_rate
+from twin.study.answers.headline import Sentence, headline, holm_note, lowest_pass_rate
 from twin.study.answers.paired import MIN_SAMPLES
 from twin.study.answers.summary import Answers, cleaned, percent
 from twin.study.execution import case_table, manifest
@@ -82,6 +82,7 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
         answers=answers,
         headline=[linked(sentence, link(set(listed))) for sentence in headline(answers)],
         badge=lowest_pass_rate(answers),
+        holm_note=holm_note(answers),
         percent=percent,
         parts=[percent(quantile) for quantile in study.keys.quantiles],
         link=link(set(listed)),

@@ -217,9 +217,9 @@ def effects(metric_sensitivity: MetricSensitivity, unit: str) -> str:
     """Bars of what drives a metric, with their intervals; `unit`: the metric's."""
     names = [effect.factor for effect in metric_sensitivity.effects]
     kinds = {
-        "sobol": [("first order", "first", "first_half"), ("total", "total", "total_half")],
-        "morris": [("", "first", "first_half")],
-        "rank": [("", "first", "first_half")],
+        "sobol": [("first order", "first"), ("total", "total")],
+        "morris": [("", "first")],
+        "rank": [("", "first")],
     }[metric_sensitivity.kind]
     quantity = {
         "sobol": f"part of the variance of {metric_sensitivity.metric}",
@@ -231,9 +231,10 @@ def effects(metric_sensitivity: MetricSensitivity, unit: str) -> str:
     def paint(grid: Any) -> None:
         axis = grid[0, 0]
         height = 0.8 / len(kinds)
-        for k, (label, value, half) in enumerate(kinds):
+        for k, (label, value) in enumerate(kinds):
             sizes = np.array([getattr(effect, value) for effect in metric_sensitivity.effects]) / factor
-            errors = np.nan_to_num([getattr(effect, half) for effect in metric_sensitivity.effects]) / factor
+            ends = np.array([getattr(effect, f"{value}_interval") for effect in metric_sensitivity.effects]).T / factor
+            errors = np.nan_to_num(np.abs(ends - sizes))
             bar_positions = np.arange(len(names)) + (k - (len(kinds) - 1) / 2) * height
             axis.barh(
                 bar_positions,
@@ -251,6 +252,8 @@ def effects(metric_sensitivity: MetricSensitivity, unit: str) -> str:
         if len(kinds) > 1:
             axis.legend(frameon=False, fontsize=8)
         axis.set_xlabel(quantity)
+        if metric_sensitivity.kind == "rank":
+            axis.set_xlim(-1.0, 1.0)
 
     return figure_files.render_svg(
         (9.2, 0.9 + 0.3 * len(names) * len(kinds)),

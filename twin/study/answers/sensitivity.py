@@ -20,21 +20,23 @@ if TYPE_CHECKING:
 RESAMPLES = 200
 FEWEST = 8  # samples from which ranks tell anything
 Z = 1.959963984540054  # of 95 %
+NO_INTERVAL = (float("nan"), float("nan"))
 
 
 @dataclass(frozen=True)
 class Effect:
-    """How a factor drives a metric, each measure with half the width of its interval.
+    """How a factor drives a metric, each measure with its 95 % interval.
 
     `first` and `total`: Sobol indices; of Morris mean absolute effect and deviation of effects, SI; else Spearman's rank
-    correlation, and nothing. Of one factor at a time: the metric's change at each value.
+    correlation, and nothing. `p_value`: of the hypothesis of no effect, on `total` of Sobol, else on `first`.
     """
 
     factor: str
     first: float
-    first_half: float
+    first_interval: tuple[float, float] = NO_INTERVAL
     total: float = float("nan")
-    total_half: float = float("nan")
+    total_interval: tuple[float, float] = NO_INTERVAL
+    p_value: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,8 @@ def driven(study: Study, metric: str, variant: str, inputs: Array, output: Array
             output = np.where(good, output, np.median(output[good]))
         output = output.reshape(len(study.design.values), -1).mean(axis=1)
         return MetricSensitivity(metric, variant, *(sobol if kind == "sensitivity" else morris)(study, output), note)
-    effects = [ranked(factor.name, inputs[good, k], output[good]) for k, factor in enumerate(study.factors)]
+    seeds = len(study.seeds(1))
+    effects = [ranked(factor.name, inputs[good, k], output[good], seeds) for k, factor in enumerate(study.factors)]
     return MetricSensitivity(metric, variant, "rank", by_size(effects))
 
 
@@ -106,13 +109,34 @@ def by_size(effects: list[Effect]) -> tuple[Effect, ...]:
     return tuple(sorted(effects, key=lambda effect: -abs(effect.first if np.isnan(effect.total) else effect.total)))
 
 
-def ranked(name: str, values: Array, output: Array) -> Effect:
-    """Spearman's rank correlation, with Fisher's interval (Bonett and Wright, Psychometrika 65, 2000)."""
+def ranked(name: str, values: Array, output: Array, seeds: int = 1) -> Effect:
+    """Spearman's rank correlation, with the interval of Fisher's z (Bonett and Wright, Psychometrika 65, 2000).
+
+    `seeds`: cases of each sample, which are not independent. The inner end of a correlation of 1 is that of the next smaller one, which two neighboring ranks in reverse order give.
+    """
+    count = len(values) // seeds
     if np.ptp(values) == 0.0:
-        return Effect(name, 0.0, float("nan"))
+        return Effect(name, 0.0)
     rho = float(stats.spearmanr(values, output).statistic)
-    half = Z * np.sqrt((1 + rho * rho / 2) / max(len(values) - 3, 1)) * (1 - rho * rho)
-    return Effect(name, rho, float(half))
+    if count < 4:
+        return Effect(name, rho, (-1.0, 1.0), p_value=1.0)
+    largest = 1 - 12 / (count * (count * count - 1))
+    z, deviation = np.arctanh(np.clip(rho, -largest, largest)), np.sqrt((1 + rho * rho / 2) / (count - 3))
+    low, high = np.tanh([z - Z * deviation, z + Z * deviation])
+    interval = (-1.0 if rho < -largest else float(low), 1.0 if rho > largest else float(high))
+    return Effect(name, rho, interval, p_value=2 * float(stats.norm.sf(abs(z) / deviation)))
+
+
+def around(value: float, half: float) -> tuple[float, float]:
+    """Interval of a value, with half its width."""
+    return value - half, value + half
+
+
+def p_value(value: float, half: float) -> float:
+    """Two-sided p value of a normal estimate with half the width of its 95 % interval."""
+    if half == 0.0:
+        return float(value == 0.0)
+    return 2 * float(stats.norm.sf(Z * abs(value) / half))
 
 
 def sobol(study: Study, output: Array) -> tuple[str, tuple[Effect, ...]]:
@@ -127,8 +151,12 @@ def sobol(study: Study, output: Array) -> tuple[str, tuple[Effect, ...]]:
         seed=study.keys.samples.seed,
     )
     names = [factor.name for factor in study.factors]
-    rows = zip(names, indices["S1"], indices["S1_conf"], indices["ST"], indices["ST_conf"], strict=True)
-    return "sobol", by_size([Effect(name, *map(float, row)) for name, *row in rows])
+    rows = zip(names, *(indices[key].tolist() for key in ("S1", "S1_conf", "ST", "ST_conf")), strict=True)
+    effects = [
+        Effect(name, first, around(first, first_half), total, around(total, half), p_value(total, half))
+        for name, first, first_half, total, half in rows
+    ]
+    return "sobol", by_size(effects)
 
 
 def morris(study: Study, output: Array) -> tuple[str, tuple[Effect, ...]]:
@@ -143,8 +171,10 @@ def morris(study: Study, output: Array) -> tuple[str, tuple[Effect, ...]]:
         seed=study.keys.samples.seed,
     )
     names = [factor.name for factor in study.factors]
-    rows = zip(names, indices["mu_star"], indices["mu_star_conf"], indices["sigma"], strict=True)
-    effects = [Effect(name, float(mean), float(half), float(sigma)) for name, mean, half, sigma in rows]
+    rows = zip(names, *(np.asarray(indices[key]).tolist() for key in ("mu_star", "mu_star_conf", "sigma")), strict=True)
+    effects = [
+        Effect(name, mean, around(mean, half), sigma, p_value=p_value(mean, half)) for name, mean, half, sigma in rows
+    ]
     return "morris", tuple(sorted(effects, key=lambda effect: -effect.first))
 
 

@@ -88,6 +88,11 @@ def read(folder: Path) -> dict[str, Any]:
     return data
 
 
+def study_folders(parent: Path, file: str) -> list[Path]:
+    """Folders of the runs of a study that have a file, the newest last; without `latest`, which is a link to one of them."""
+    return sorted(path.parent for path in parent.glob(f"*/{file}") if not path.parent.is_symlink())
+
+
 def versions() -> dict[str, str]:
     """Versions of all that has a part in the results."""
     from importlib.metadata import PackageNotFoundError

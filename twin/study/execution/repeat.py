@@ -67,7 +67,7 @@ def resolve_case(text: str, root: Path) -> tuple[Path, int]:
     if (path / manifest.NAME).exists():
         return path, int(digits)
     name = path.stem if path.suffix in STUDY_FILES else path.name
-    folders = sorted(folder.parent for folder in (root / name).glob(f"*/{case_table.NAME}"))
+    folders = manifest.study_folders(root / name, case_table.NAME)
     if not folders:
         raise ScenarioError(f"--case {text}: no study {name} has run in {root}. Name its folder, or run it first.")
     return folders[-1], int(digits)

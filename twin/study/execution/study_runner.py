@@ -19,7 +19,7 @@ from twin import clock
 from twin.errors import ScenarioError, SimulationError, TwinError
 from twin.installed import import_optional
 from twin.process import Stop, cores
-from twin.results import run_folder, write_text
+from twin.results import link_latest, run_folder, write_text
 from twin.run import noop
 from twin.scenario import Backend, members
 from twin.study.design import SAMPLED, CommonPrefixes, Study, StudyRequest, VariantInputs, load_study
@@ -170,6 +170,7 @@ def run_study(
         outcome.cases = case_table.together(study, requests or list(study.requests()), journal)
         outcome.seconds = time.perf_counter() - start_time
         finish(outcome, journal, {**manifest_data, **ended(outcome)}, build, stop, report)
+        link_latest(folder)
         if outcome.status == "completed":  # else it goes on from there
             (folder / JOURNAL).unlink()
     return outcome
@@ -359,7 +360,7 @@ def keep_runs(outcome: StudyOutcome, build: Path, stop: Stop) -> None:
 
 def latest(root: Path, name: str) -> Path:
     """The newest folder of a study. ScenarioError if there is none."""
-    folders = sorted(folder.parent for folder in (root / name).glob(f"*/{manifest.NAME}"))
+    folders = manifest.study_folders(root / name, manifest.NAME)
     if not folders:
         raise ScenarioError(f"{root / name}: there is no study to go on with. Run it without --resume first.")
     return folders[-1]
