@@ -230,7 +230,7 @@ def show_verdict(outcome: StudyOutcome, answers: Answers, file: str) -> None:
 
 def show_distributions(outcome: StudyOutcome, answers: Answers, console: Console) -> None:
     """Print quantiles of the metrics, in the layouts of `twin run` for any width."""
-    from twin.run.report import MetricTable
+    from twin.run import MetricTable
     from twin.study import percent
 
     quantiles = [percent(quantile) for quantile in outcome.study.keys.quantiles]

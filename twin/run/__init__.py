@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from twin.run.coupling_report import case_structure, check_stability, measure_profile
     from twin.run.event_table import event_rows
     from twin.run.recovery import recover, resume
-    from twin.run.report import results_table
+    from twin.run.report import MetricTable, results_table
     from twin.run.rollback import rollback_check
 
 __getattr__, _, _ = lazy_loader.attach(
@@ -39,13 +39,14 @@ __getattr__, _, _ = lazy_loader.attach(
         "coupling_report": ["measure_profile", "check_stability", "case_structure"],
         "recovery": ["recover", "resume"],
         "event_table": ["event_rows"],
-        "report": ["results_table"],
+        "report": ["MetricTable", "results_table"],
         "rollback": ["rollback_check"],
     },
 )
 
 __all__ = [
     "Hardware",
+    "MetricTable",
     "Progress",
     "RunCallbacks",
     "RunOptions",
