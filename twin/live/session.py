@@ -16,7 +16,7 @@ from twin.live.catalog_builder import catalog_of, prepared_events, steps_to_comm
 from twin.live.channel import Channel, ClosedError
 from twin.live.operator import commands
 from twin.live.operator.command_checks import WHERE, CommandExecutor
-from twin.live.operator.dead_man_switch import HOLD, HOLD_OF_SIMULATIONS, DeadManSwitch
+from twin.live.operator.dead_man_switch import DeadManSwitch
 from twin.live.operator.operation_log import NAME, OperationLog, time_text
 from twin.live.pacing import BLOCK, Pace
 from twin.live.scheduling_priority import LoopPriority
@@ -103,7 +103,7 @@ class Session:
         for spec in case.conditions:
             file.add(spec)
         self._met = 0  # conditions that were noted
-        self.dead_man = DeadManSwitch(HOLD if self.drives is not None else HOLD_OF_SIMULATIONS)
+        self.dead_man = DeadManSwitch()
         self.given, self._next, self.wall_clock, self.late_holds = dict[str, Any](), 0, wall_clock, set[str]()
         self._faults = list(case.faults)
         stop = next(each.stop_ns for each in self.scenario.variants if each.variant == self.variant)

@@ -8,7 +8,6 @@ from typing import Any
 # From the last renewal to rest [s]. With a block of the loop, 1/30 s, and what the network takes it stays below 200 ms; a
 # page renews every 30 to 40 ms, so three may be lost.
 HOLD = 0.14
-HOLD_OF_SIMULATIONS = 0.5  # nothing real moves: a busy machine and a slow network are no reason to stop
 FOREVER = float("inf")
 
 
