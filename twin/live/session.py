@@ -104,7 +104,7 @@ class Session:
             file.add(spec)
         self._met = 0  # conditions that were noted
         self.dead_man = DeadManSwitch()
-        self.given, self._next, self.wall_clock, self.late_holds = dict[str, Any](), 0, wall_clock, set[str]()
+        self.given, self._next, self.wall_clock, self.expired_holds = dict[str, Any](), 0, wall_clock, set[str]()
         self._faults = list(case.faults)
         stop = next(each.stop_ns for each in self.scenario.variants if each.variant == self.variant)
         self.pause_ns = None if catalog.controls or wall_clock else stop  # an operator works on beyond the end
@@ -240,7 +240,7 @@ class Session:
         executor = self._executor
         assert executor is not None
         for name in self.dead_man.expire(wall.monotonic()):
-            self.late_holds.add(name)
+            self.expired_holds.add(name)
             control = executor.controls.get(name)
             self.say(
                 f"{control.label if control else name}: at rest, since the page answered too late. Release and press again."
@@ -316,8 +316,8 @@ class Session:
 
     def confirm_hold(self, name: str) -> None:
         """Remove the message on a late hold once the input is held again."""
-        if name in self.late_holds:
-            self.late_holds.discard(name)
+        if name in self.expired_holds:
+            self.expired_holds.discard(name)
             self.withdraw_message()
 
     def enter(self, phase: str) -> None:
