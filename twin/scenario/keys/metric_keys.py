@@ -113,25 +113,7 @@ class Builder:
             self.problem((*path, "metric"), f"{what}: no metric `{keys.metric}`.{nearest(keys.metric, self.metrics)}")
         if [keys.metric, keys.signal, keys.ends].count(None) != 2:
             self.problem(path, f"{what}: give either `metric` or `signal`, or `ends`.")
-        limits = [key for key in ("at_least", "at_most", "within", "ordered") if getattr(keys, key) is not None]
-        if keys.ends is not None and limits:
-            self.problem(path, f"{what}: `ends` has no {limits[0]}. Give `from` and `to` for a stop.")
-        if keys.ends == "completed" and (keys.start is not None or keys.stop is not None):
-            self.problem(path, f"{what}: a run is completed at stop_time. Leave `from` and `to` out.")
-        if not limits and keys.ends is None:
-            self.problem(path, f"{what}: nothing is expected. Add at_least, at_most, within or ordered.")
-        if len(limits) > 1 and set(limits) != {"at_least", "at_most"}:
-            self.problem(path, f"{what}: {' and '.join(limits)} cannot stand together. Use two items.")
-        if keys.ordered is not None and keys.signal is not None:
-            self.problem((*path, "ordered"), f"{what}: only metrics can be ordered. Name a metric.")
-        if keys.mean and (keys.metric is None or keys.ordered is not None):
-            self.problem((*path, "mean"), f"{what}: the mean is that of a metric within limits. Name a metric.")
-        if metric is not None and (keys.start is not None or keys.stop is not None):
-            self.problem(path, f"{what}: a metric has its own from and to. Give them there.")
-        if metric is not None and metric.variants:
-            self.check_variants(path, keys, metric, what)
-        if keys.margin is not None and keys.ordered is None:
-            self.problem((*path, "margin"), f"{what}: a margin is that of an order. Add `ordered`, or leave it out.")
+        self.check_combination(path, keys, metric, what)
         low, high = keys.within or (keys.at_least, keys.at_most)
         unit = self.unit((*path, "unit"), keys.unit, what) or (metric.unit if metric else "") or first_unit((low, high))
         is_difference = (
@@ -171,6 +153,30 @@ class Builder:
             excluded,
             self.unlisted(path, keys, metric),
         )
+
+    def check_combination(
+        self, path: tuple[str | int, ...], keys: ExpectKeys, metric: Metric | None, what: str
+    ) -> None:
+        """Report keys of an expectation that cannot stand together."""
+        limits = [key for key in ("at_least", "at_most", "within", "ordered") if getattr(keys, key) is not None]
+        if keys.ends is not None and limits:
+            self.problem(path, f"{what}: `ends` has no {limits[0]}. Give `from` and `to` for a stop.")
+        if keys.ends == "completed" and (keys.start is not None or keys.stop is not None):
+            self.problem(path, f"{what}: a run is completed at stop_time. Leave `from` and `to` out.")
+        if not limits and keys.ends is None:
+            self.problem(path, f"{what}: nothing is expected. Add at_least, at_most, within or ordered.")
+        if len(limits) > 1 and set(limits) != {"at_least", "at_most"}:
+            self.problem(path, f"{what}: {' and '.join(limits)} cannot stand together. Use two items.")
+        if keys.ordered is not None and keys.signal is not None:
+            self.problem((*path, "ordered"), f"{what}: only metrics can be ordered. Name a metric.")
+        if keys.mean and (keys.metric is None or keys.ordered is not None):
+            self.problem((*path, "mean"), f"{what}: the mean is that of a metric within limits. Name a metric.")
+        if metric is not None and (keys.start is not None or keys.stop is not None):
+            self.problem(path, f"{what}: a metric has its own from and to. Give them there.")
+        if metric is not None and metric.variants:
+            self.check_variants(path, keys, metric, what)
+        if keys.margin is not None and keys.ordered is None:
+            self.problem((*path, "margin"), f"{what}: a margin is that of an order. Add `ordered`, or leave it out.")
 
     def unlisted(self, path: tuple[str | int, ...], keys: ExpectKeys, metric: Metric | None) -> tuple[str, ...]:
         """Return the variants of the scenario's own file that an inherited list of an expectation or its metric leaves out."""
