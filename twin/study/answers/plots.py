@@ -234,7 +234,7 @@ def effects(metric_sensitivity: MetricSensitivity, unit: str) -> str:
         for k, (label, value) in enumerate(kinds):
             sizes = np.array([getattr(effect, value) for effect in metric_sensitivity.effects]) / factor
             ends = np.array([getattr(effect, f"{value}_interval") for effect in metric_sensitivity.effects]).T / factor
-            errors = np.nan_to_num(np.abs(ends - sizes))
+            errors = np.nan_to_num(np.abs(ends - sizes)).tolist()  # an array of one column warns in matplotlib 3.10
             bar_positions = np.arange(len(names)) + (k - (len(kinds) - 1) / 2) * height
             axis.barh(
                 bar_positions,
