@@ -80,7 +80,7 @@ def test_what_a_child_begins_with(tmp_path):
 
         def parent(one):
             return {
-                "lines": {name: list(lines) for name, lines in one.lines.items()},
+                "lines": {source: list(lines) for source, lines in one.lines.items()},
                 "values": one.successor_values,
                 "blocked": len(signal.pthread_sigmask(signal.SIG_BLOCK, ())),
                 "waits": [os.get_blocking(each) for each in (one.wake, one._woken, one.messages, one.errors, one.stacks)],

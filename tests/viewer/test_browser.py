@@ -13,6 +13,7 @@ import sys
 import urllib.error
 import urllib.request
 from contextlib import contextmanager
+from time import monotonic
 from urllib.parse import unquote
 
 import numpy as np
@@ -76,15 +77,22 @@ class Page:
         self.page.goto(address)
         self.drawn()
 
+    def until(self, condition):
+        """Wait for a condition; a file's security policy lets a browser evaluate it once, not again and again by itself."""
+        end = monotonic() + 60.0
+        while not self.page.evaluate(condition):
+            assert monotonic() < end, condition
+            self.page.wait_for_timeout(20)
+
     def drawn(self):
         """Wait until nothing is asked any more and all curves are there."""
-        self.page.wait_for_function("""() => { const { chart } = document.getElementById("chart");
+        self.until("""() => { const { chart } = document.getElementById("chart");
             return chart && !chart.stale && !chart.asking && chart.panes.flatMap((one) => one.curves).every((one) => chart.data[one.name]); }""")
 
     @property
     def state(self):
         """What the address keeps; it is written a moment later."""
-        self.page.wait_for_function("""() => { const { chart } = document.getElementById("chart"), own = (one) => JSON.stringify(one);
+        self.until("""() => { const { chart } = document.getElementById("chart"), own = (one) => JSON.stringify(one);
             try { const kept = JSON.parse(decodeURIComponent(location.hash.slice(1)));
                   return own(kept.window) === own(chart.window) && own(kept.cursors) === own(chart.cursors); } catch { return false; } }""")
         return json.loads(unquote(self.page.url.partition("#")[2]))
@@ -628,9 +636,7 @@ def test_a_spectrum_in_a_file_is_the_server_s(browser, tmp_path, monkeypatch):
         line = KINDS["spectrum"](opened, ViewedCurve("sensor.force", number), (-np.inf, np.inf), 8000)
         np.testing.assert_allclose(one["x"], line.x, rtol=1e-12)
         np.testing.assert_allclose(one["y"], line.y, rtol=1e-8, atol=1e-12 * max(line.y))
-    page.page.wait_for_function(
-        "decodeURIComponent(location.hash).includes('\"band\":false')"
-    )  # written a moment later
+    page.until("decodeURIComponent(location.hash).includes('\"band\":false')")  # written a moment later
     kept = page.page.url.partition("#")[2]
     monkeypatch.setattr("twin.viewer.page.MAX_SAMPLES", 1000)
     (tmp_path / "thin.html").write_text(embedded_page(opened, ["sensor.force"], [0, 1]).text)
