@@ -171,12 +171,7 @@ def switching(keys: HardwareKeys) -> list[str]:
 
 
 def _unknown_objects(node: NodeKeys) -> list[tuple[int, int]]:
-    profile_objects = {(entry.index, entry.sub) for entry in node.drive.objects}
-    return [
-        (index, sub)
-        for index, sub in node.objects
-        if acting.switches(node.drive, index, is_in_profile=(index, sub) in profile_objects)
-    ]
+    return [(index, sub) for index, sub in node.objects if acting.switches(node.drive, index, sub)]
 
 
 def extremes(

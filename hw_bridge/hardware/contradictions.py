@@ -179,7 +179,7 @@ def _objects(station: NodeKeys | ModuleKeys) -> Iterator[Problem]:
     for index, sub in station.objects:
         if key := "process data" if index in PDO_PARAMETERS else WRITTEN_BY_RUN.get(index):
             yield ("objects",), f"{index:04X}h.{sub}: a run writes it, as {key} says. Leave it out."
-        elif acting.switches(described, index, is_in_profile=True):
+        elif acting.sets_output(described, index):
             text = f"{index:04X}h.{sub}: switches outputs, such as a brake, before a run and again when it is restored after it. "
             advice = f"Set it once: twin hil set {station.node} {index:04X}h.{sub} VALUE --arm --store."
             yield ("objects",), f"{text}{advice}"

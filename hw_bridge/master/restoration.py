@@ -85,8 +85,7 @@ def restore(station: Station, armed: bool = True) -> Restored:
 
 
 def _switches(station: Station, change: ObjectChange) -> bool:
-    is_in_profile = change.sub in station.mirror.objects.get(change.index, {})
-    return acting.switches(station.profile, change.index, is_in_profile)
+    return acting.switches(station.profile, change.index, change.sub)
 
 
 def _changed_pdos(station: Station, changes: list[ObjectChange]) -> list[ObjectChange]:

@@ -1,6 +1,6 @@
 """Objects that act at once when they are written: motion, and outputs.
 
-Vendors' objects that a profile does not have are included: their effect is unknown.
+Vendors' objects that a profile does not describe are included, also those that an EDS file adds: their effect is unknown.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import cia401, cia402
-from hw_bridge.profiles.catalog import DRIVE_PROFILES, profile
+from hw_bridge.profiles.catalog import DEVICES, DRIVE_PROFILES, device, profile
 
 if TYPE_CHECKING:
     from hw_bridge.profiles.description import Device
@@ -31,6 +31,25 @@ def all_commands() -> frozenset[int]:
     return COMMANDS.union(*(profile(name).commands for name in DRIVE_PROFILES))
 
 
-def switches(device: Device, index: int, is_in_profile: bool) -> bool:
-    """Whether writing an object may switch an output at once. `is_in_profile`: the profile has it."""
-    return index in OUTPUTS | device.output_objects or (index in VENDORS_OWN and not is_in_profile)
+def sets_output(described: Device, index: int) -> bool:
+    """Whether writing an object of CiA or of the profile sets an output."""
+    return index in OUTPUTS | described.output_objects
+
+
+def is_described(described: Device, index: int, sub: int) -> bool:
+    """Whether the effect of an object is known: CiA defines it, or the profile itself has it, whatever an EDS file adds."""
+    return index not in VENDORS_OWN or (index, sub) in _own_objects(described.name)
+
+
+def switches(described: Device, index: int, sub: int) -> bool:
+    """Whether writing an object may switch an output at once."""
+    return sets_output(described, index) or not is_described(described, index, sub)
+
+
+@cache
+def _own_objects(name: str) -> frozenset[tuple[int, int]]:
+    """Objects of a profile without an EDS file; none of a generic one."""
+    if name not in {**DRIVE_PROFILES, **DEVICES}:
+        return frozenset()
+    described: Device = profile(name) if name in DRIVE_PROFILES else device(name)
+    return frozenset((entry.index, entry.sub) for entry in described.objects)

@@ -1,5 +1,6 @@
 """Which profile a device has, what its motor is, in which units its objects count, and which objects act at once."""
 
+from dataclasses import replace
 from math import pi
 
 import pytest
@@ -219,19 +220,24 @@ def test_motors_and_increments_of_the_rig():
         ("epos4", 0x6064, False, False),
         ("epos4", 0x60FE, False, True),
         ("epos4", 0x3150, False, True),  # polarity of outputs
-        ("mclm", 0x3150, False, False),
         ("mclm", 0x6200, False, True),
     ],
 )
 def test_objects_that_act_at_once(name, index, moves, switches):
     assert (index in acting.commands(profile(name))) is moves
-    assert acting.switches(profile(name), index, is_in_profile=True) is switches
+    assert acting.sets_output(profile(name), index) is switches
 
 
-@pytest.mark.parametrize(("index", "may"), [(0x1FFF, False), (0x2000, True), (0x5FFF, True), (0x6000, False)])
+@pytest.mark.parametrize(
+    ("index", "may"), [(0x1FFF, False), (0x2000, False), (0x2FFF, True), (0x5FFF, True), (0x6000, False)]
+)
 def test_a_vendors_object_that_no_profile_has_may_switch(index, may):
-    assert acting.switches(profile("epos4"), index, is_in_profile=False) is may
-    assert acting.switches(profile("epos4"), index, is_in_profile=True) is False
+    """Also where an EDS file has it: the file states its type, not its effect."""
+    drive = profile("epos4")
+    assert acting.switches(drive, index, 0) is may
+    listed = replace(drive.objects[0], index=index, sub=0)
+    assert acting.switches(replace(drive, objects=(*drive.objects, listed)), index, 0) is may
+    assert acting.switches(replace(drive, name="cia402"), index, 0) is (index in acting.VENDORS_OWN)
 
 
 def test_commands_of_all_profiles():

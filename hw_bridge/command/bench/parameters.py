@@ -106,9 +106,9 @@ def switching_needs_arm(bus: BusChoice, node: Station, entry: Entry, arm: bool) 
     """Raise SimulationError for an object that may switch an output at once on a real bus, unless armed."""
     from hw_bridge.profiles import acting
 
-    in_profile = entry.sub in node.mirror.objects.get(entry.index, {})
-    if acting.switches(node.profile, entry.index, in_profile) and not arm and not bus.is_software:
-        why = "switches outputs at once" if in_profile else "is not in the profile, and may act at once"
+    if acting.switches(node.profile, entry.index, entry.sub) and not arm and not bus.is_software:
+        is_known = acting.is_described(node.profile, entry.index, entry.sub)
+        why = "switches outputs at once" if is_known else "is not in the profile, and may act at once"
         raise SimulationError(
             f"{node.name}: {entry.index:04X}h.{entry.sub} {why}. Nothing was written. Add --arm if nobody is in the way of "
             f"what is connected: valves, brakes."
