@@ -279,10 +279,10 @@ def test_problems_of_steps_are_noted_once():
         f"{name}: 1 steps did not agree after the last iteration. Allow more, or a smaller step; the first began at "
         "t = 128 ms or soon after."
     )
-    assert refused == f"{name}: b makes no steps shorter than 2 ms, and so did nobody."
+    assert refused == f"{name}: b makes no steps shorter than 2 ms; no step was shorter."
     run.state["refused"], run.state["control"] = 1, DOUBLING
     run._note_step_problems()
-    assert run.notes[3] == f"{name}: a makes no steps shorter than 1 ms, and so did nobody.", "halves are made too"
+    assert run.notes[3] == f"{name}: a makes no steps shorter than 1 ms; no step was shorter.", "halves are made too"
     fixed = Failing(missed=1, unsolved=1, refused=1)
     fixed._note_step_problems()
     assert fixed.notes == []

@@ -182,6 +182,8 @@ def test_the_mean_and_the_worst_of_seeds() -> None:
     assert [getattr(result("PI"), name) for name in ("mean", "worst")] == [None] * 2
     least = MetricResult(Metric("m", X, "min"), "PI", {1: 1.0, 2: -0.5, 3: -0.25}, None)
     assert least.worst == -0.5
+    largest = MetricResult(Metric("m", X, "max"), "PI", {1: -1.0, 2: 0.5, 3: -2.0}, None)
+    assert largest.worst == 0.5
 
 
 @every_case("reduce", REDUCTIONS)

@@ -249,7 +249,7 @@ class StepFailures:
             name, least = list(self.members)[int(state["refused"]) - 1], self.step * int(state["least"])
             half = 2 if state["control"] == DOUBLING else 1
             shortest = clock.text(round(least / int(state["divisions"]) / half))
-            self.notes.append(f"{self.algorithm}: {name} makes no steps shorter than {shortest}, and so did nobody.")
+            self.notes.append(f"{self.algorithm}: {name} makes no steps shorter than {shortest}; no step was shorter.")
             state["refused"] = 0
 
     def _finish_discarded(self, member: Member, reason: str) -> None:

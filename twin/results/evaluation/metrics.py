@@ -155,11 +155,11 @@ class MetricResult:
 
     @property
     def worst(self) -> float | None:
-        """Smallest value of the seeds for `min`, else the largest magnitude."""
+        """Smallest value of the seeds for `min`, largest for `max`, else the largest magnitude."""
         values = [value for value in self.values.values() if value is not None]
         if not values or len(values) < len(self.values):
             return None
-        return min(values) if self.metric.reduce == "min" else max(values, key=abs)
+        return {"min": min(values), "max": max(values)}.get(self.metric.reduce, max(values, key=abs))
 
     @property
     def ratio(self) -> float | None:
