@@ -48,6 +48,15 @@ def test_band_holds_the_share_of_folds_on_average():
     assert own.coverages == pytest.approx([1.0, 0.4], abs=5e-3)
 
 
+def test_band_counts_folds_and_samples_alike():
+    """As above, but the fold with errors up to 2 is three times as long: (1 + L / 2) / 2 of folds, (1 + 3 L / 2) / 4 of samples.
+
+    The mean of both is 65 % at L = 0.88.
+    """
+    own = figures.band([np.linspace(0, 1, 2001), np.linspace(0, 2, 6003)], 0.65)
+    assert own.coverages == pytest.approx([1.0, 0.44], abs=5e-3)
+
+
 def test_deviation_of_a_new_run_is_students_prediction_interval():
     values = np.array([[1.0], [2.0], [6.0], [3.0]])
     expected = stats.t.ppf(0.975, 3) * np.std(values, ddof=1) * np.sqrt(1 + 1 / 4)

@@ -100,12 +100,14 @@ def pooled_quantile(folds: Sequence[Array], level: float) -> float:
 def band(folds: Sequence[Array], share: float) -> Band:
     """Band from the absolute errors of left-out folds.
 
-    The level of the quantile is the one at which bands from all other folds hold `share` of a fold on average.
+    The level of the quantile is the one at which bands from all other folds hold `share`: of a fold on average, and of all
+    samples, whose mean counts. Folds are what is drawn anew, but one long fold may have most of the samples.
     """
     if len(folds) < 2:
         return Band(pooled_quantile(folds, share), [])
     ranks = np.linspace(0, 1, RANKS)
     curves = [np.quantile(fold, ranks) for fold in folds]
+    lengths = [len(fold) for fold in folds]
 
     def coverages(level: float) -> list[float]:
         own = []
@@ -117,7 +119,9 @@ def band(folds: Sequence[Array], share: float) -> Band:
     low, high = 0.0, 1.0
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
-        low, high = (middle, high) if np.mean(coverages(middle)) < share else (low, middle)
+        held = coverages(middle)
+        of_folds_and_samples = (np.mean(held) + np.average(held, weights=lengths)) / 2
+        low, high = (middle, high) if of_folds_and_samples < share else (low, middle)
     return Band(float(np.quantile(np.concatenate(curves), high)), coverages(high))
 
 
