@@ -91,6 +91,13 @@ def test_no_name_and_no_number_is_shortened(width: int, names: tuple[str, ...], 
         assert all("pass" in row or "FAIL" in row for row in rows) is compared
 
 
+def test_rows_of_one_variant_each_are_not_set_apart() -> None:
+    metrics = {name: Metric(name, FORCE, "mean", variants=("PI",)) for name in "ab"}
+    lines = text(evaluate(metrics, [], tables())).splitlines()
+    first = next(i for i, line in enumerate(lines) if line.split()[:2] == ["a", "PI"])
+    assert lines[first + 1].split()[:2] == ["b", "PI"]
+
+
 def test_a_metric_without_a_value_says_so_without_a_paper() -> None:
     late = Metric("m", FORCE, "mean", Window(6 * 10**9))
     assert text(evaluate({"m": late}, [], tables())).count("no value") == 2

@@ -10,7 +10,7 @@ import click
 
 from twin import installed
 from twin.cli.options import filter_option, runs_option
-from twin.cli.terminal import open_console, say
+from twin.cli.terminal import open_console, show_text
 from twin.errors import TwinError, nearest
 
 if TYPE_CHECKING:
@@ -45,10 +45,10 @@ def command(kinds: tuple[str, ...], text: str, runs: Path) -> None:
     for kind in kinds or listings:
         listing = listings[kind]()
         lines = {name: line for name, line in listing.items() if text.lower() in f"{name} {line}".lower()}
-        say(f"{kind}: {len(lines)}")
+        show_text("", f"{kind}: {len(lines)}", "bold")
         for heading, names in by_topic(lines).items() if kind == "scenarios" else [("", [*lines])]:
             if heading:
-                say(f" {heading}:")
+                show_text("", f" {heading}:", "bold")
             show((name, lines[name]) for name in names)
 
 

@@ -266,7 +266,8 @@ class MetricTable:
             for row in rows:
                 texts = [name if row is rows[0] else "", row["variant"], *(row[key] for key in self.titles)]
                 grid.add_row(*map(Text, texts), *([self.verdict(row)] if self.has_reference else []))
-            grid.add_section()
+            if len(rows) > 1:
+                grid.add_section()
         return grid
 
     def stacked_layout(self) -> Table:
