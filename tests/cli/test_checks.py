@@ -30,6 +30,7 @@ RUN = RunArguments(
     build=Path("build"),
     as_json=False,
     no_report=False,
+    verbose=False,
     log_members=(),
     step_refinement=False,
     timeout=0.0,
@@ -222,7 +223,7 @@ def outcome(**attributes):
         (
             {"passed": False},
             False,
-            "FAIL 2 of 3 in 1.23 s (12x real time). Results: runs/a/1/summary.json  Look: twin view latest",
+            "FAIL: 1 of 3 requirements failed, in 1.23 s (12x real time). Results: runs/a/1/summary.json  Look: twin view latest",
         ),
         (
             {"met": 0, "judged": 0, "factor": 9.94},
@@ -231,7 +232,8 @@ def outcome(**attributes):
         ),
         ({"factor": 10.0}, True, "PASS 2 of 3 in 1.23 s (10x real time)."),
         ({"factor": None}, True, "PASS 2 of 3 in 1.23 s. Report:"),
-        ({"status": "failed"}, True, "FAILED 2 of 3 in 1.23 s"),
+        ({"status": "failed"}, True, "FAILED: 1 of 3 requirements failed, in 1.23 s"),
+        ({"status": "interrupted", "met": 3}, True, "INTERRUPTED in 1.23 s"),
         (
             {"folder": "other/a/1"},
             True,
@@ -245,6 +247,27 @@ def test_the_verdict_of_a_run(capsys, monkeypatch, attributes, report, line):
     )
     show_verdict(outcome(**attributes), report)
     assert capsys.readouterr().out.startswith(line)
+
+
+@every_case(
+    ("option", "shown"),
+    [
+        ("heart.rate=1.2", "heart.rate=1.2 (Hz)"),
+        ("heart.rate='72 /min'", "heart.rate='72 /min'"),
+        ("variants.PI.heart.rate = 1e0", "variants.PI.heart.rate = 1e0 (Hz)"),
+        ("heart.offset[2]=0.1", "heart.offset[2]=0.1 (m)"),
+        ("heart.offset=0.1, 0.2", "heart.offset=0.1, 0.2 (m)"),
+        ("heart.gain=2", "heart.gain=2"),
+        ("stop_time=5", "stop_time=5 (s)"),
+        ("heart.period=0.1", "heart.period=0.1 (s)"),
+        ("seeds=[1, 2]", "seeds=[1, 2]"),
+        ("title=Beats", "title=Beats"),
+    ],
+)
+def test_an_override_without_a_unit_names_it(option, shown):
+    units = {"rate": "Hz", "offset": "m", "gain": ""}
+    heart = {name: SimpleNamespace(unit=unit) for name, unit in units.items()}
+    assert run.with_unit(option, SimpleNamespace(catalogs={"PI": {"heart": heart}})) == shown
 
 
 @pytest.mark.parametrize(

@@ -43,9 +43,18 @@ def test_all_that_there_is(run):
     code, lines = run("list")
     assert code == 0
     headings = [line.partition(":")[0] for line in lines if line and not line.startswith(" ")]
-    assert headings == ["components", "scenarios", "studies", "profiles", "runs"]
+    assert headings == ["scenarios", "studies", "components", "profiles", "runs"]
     for name in ("servomotor", "heart_wall_force", "thousand_patients", "epos4", "cia401"):
         assert any(line.startswith(f" {name} ") for line in lines)
+
+
+def test_scenarios_are_listed_by_topic_those_to_start_with_first(run):
+    _, lines = run("list", "scenarios", "--filter", "force")
+    assert lines[1] == " Start here:"
+    assert lines[2].split()[0] == "heart_wall_force"
+    topics = [line.strip(" :") for line in lines[1:] if line.endswith(":")]
+    assert topics == [name for name in ["Start here", *scenario_paths.TOPICS.values()] if name in topics]
+    assert int(lines[0].split()[1]) == len(lines) - 1 - len(topics)
 
 
 @pytest.mark.slow
@@ -150,6 +159,10 @@ def test_a_scenario_by_its_name_anywhere(run, tmp_path):
     assert twin.load("heart_wall_force").title == "Contact force against a beating wall"
     with pytest.raises(ScenarioError, match="There is no scenario 'heart_wal_force', and no file of this name"):
         scenario_paths.located("heart_wal_force")
+    (tmp_path / "own.yaml").touch()
+    for wrong, near in (("heart_wal_force.yaml", "heart_wall_force"), ("onw.yaml", "own.yaml")):
+        with pytest.raises(ScenarioError, match=rf"{wrong}: is not there\. Did you mean '{near}'\?"):
+            scenario_paths.located(wrong)
     assert run("check", "scenarios/racs.yaml")[1][0] == (
         "scenarios/racs.yaml: is not there. There is a scenario of this name elsewhere: give the name alone, racs."
     )

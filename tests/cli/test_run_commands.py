@@ -127,7 +127,7 @@ def test_a_run_is_continued(calls, monkeypatch, attempt):
     arguments = (Path("runs/rig/latest"), Path("r"), Path("b"), False, True, 2.5)
     resume.continue_from(*arguments, at=5, overrides=("a=1",))
     supervised, (name, folder, *rest, given), reported = calls
-    assert (supervised, reported) == (("supervise", 2.5), ("report", "outcome", False, False))
+    assert (supervised, reported) == (("supervise", 2.5), ("report", "outcome", False, False, False))
     assert (name, folder) == (("resume", Path("runs/rig/2")) if attempt else ("continue", Path("runs/rig/1")))
     assert vars(rest[0]) == {"root": Path("r"), "build": Path("b"), "report": False}
     assert given.pop("channel") is link
@@ -135,8 +135,8 @@ def test_a_run_is_continued(calls, monkeypatch, attempt):
     assert (display.title, display.enabled) == ("rig", True)
     assert given == ({} if attempt else {"at_ns": 5, "overrides": ("a=1",)})
     del calls[:]
-    resume.continue_from(*arguments[:3], True, False, 0.0, at=None, overrides=())
-    assert calls[-1] == ("report", "outcome", True, True)
+    resume.continue_from(*arguments[:3], True, False, 0.0, True, at=None, overrides=())
+    assert calls[-1] == ("report", "outcome", True, True, True)
     assert calls[1][2].report
     assert not calls[1][-1]["callbacks"].progress.__self__.enabled
 
@@ -147,12 +147,12 @@ def test_a_recovered_run_is_shown_with_its_report_if_there_is_one(calls, monkeyp
     Path("r").mkdir()
     assert run_command(recover.command, "r", "--no-report")[0] == 0
     Path("r/report.html").touch()
-    assert run_command(recover.command, "r")[0] == 0
+    assert run_command(recover.command, "r", "--verbose")[0] == 0
     assert calls == [
         ("recover", Path("r"), {"report": False}),
-        ("show", "outcome", False),
+        ("show", "outcome", False, False),
         ("recover", Path("r"), {"report": True}),
-        ("show", "outcome", True),
+        ("show", "outcome", True, True),
     ]
 
 
@@ -232,10 +232,10 @@ def test_exit_codes_reach_the_command(calls, monkeypatch):
     monkeypatch.setattr(run_module, "supervise", calls("supervise", "link"))
     monkeypatch.setattr(run_module, "execute", lambda *words: calls.append(("execute", *words)) or "outcome")
     monkeypatch.setattr(run_module, "report_outcome", calls("report"))
-    words = ["a.yaml", "--hardware", "b.yaml", "--arm", "--timeout", "2", "--no-report"]
+    words = ["a.yaml", "--hardware", "b.yaml", "--arm", "--timeout", "2", "--no-report", "--verbose"]
     assert CliRunner().invoke(run_module.command, words).exit_code == 0
     supervised, (_, options, hardware, link), reported = calls
-    assert (supervised, link, reported) == (("supervise", 2.0), "link", ("report", "outcome", False, False))
+    assert (supervised, link, reported) == (("supervise", 2.0), "link", ("report", "outcome", False, False, True))
     assert (options.file, options.backend, options.checkpoint) == (Path("a.yaml"), "fmu", 0)
     assert hardware == HardwareOptions(hardware_file=Path("b.yaml"), arm=True)
     refused = CliRunner().invoke(run_module.command, ["a.yaml", "--dry-run"])

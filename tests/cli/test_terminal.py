@@ -36,7 +36,16 @@ def run(words, folder, **options):
 
 @pytest.mark.slow
 def test_texts_of_files_are_shown_as_they_are(hostile, build):
-    words = ["run", str(hostile), "--no-report", "--backend", "interpreted", "--runs", str(hostile.parent / "r")]
+    words = [
+        "run",
+        str(hostile),
+        "--no-report",
+        "--verbose",
+        "--backend",
+        "interpreted",
+        "--runs",
+        str(hostile.parent / "r"),
+    ]
     done = run([*words, "--build", str(build)], hostile.parent, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("T [/b] [link=http://x]y[/link] \\x1b[31m \\u202e\n")

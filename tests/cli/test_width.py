@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import io
+import sys
 from collections.abc import Iterator
 
 import click
+import pytest
 from rich.table import Table
 from rich.text import Text
 
-from twin.cli import group
+from twin.cli import COMMANDS, HARDWARE, group, run_command
 from twin.cli.terminal import open_console
 
 WORDS = "one two three four five six seven eight nine ten eleven twelve"
@@ -57,3 +59,22 @@ def test_help_has_80_columns() -> None:
     assert {"twin run", "twin hil scan", "twin drive inject"} <= found.keys()
     wide = [f"{path}: {line}" for path, text in found.items() for line in text.splitlines() if len(line) > 80]
     assert not wide
+
+
+def test_commands_are_listed_by_task_one_line_each() -> None:
+    context = click.Context(group, terminal_width=80)
+    lines = group.get_help(context).partition("\nRun and look:")[2].splitlines()
+    headings = [line for line in lines if line and not line.startswith(" ")]
+    assert headings == [f"{name}:" for name in [*list(COMMANDS)[1:-1], HARDWARE, "Housekeeping"]]
+    named = [line.split()[0] for line in lines if line.startswith("  ")]
+    assert sorted(named) == sorted(group.list_commands(context))
+
+
+def test_a_group_without_a_command_prints_its_help(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["twin", "cache"])
+    assert run_command(group, "twin") == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "Usage: twin cache [OPTIONS] COMMAND [ARGS]..."
+    assert "Commands:" in lines

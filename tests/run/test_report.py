@@ -38,9 +38,9 @@ def judged(*, applies: bool = True) -> Evaluation:
     return evaluate({"error_std": METRIC}, [ORDER, LIMIT], tables(), applies)
 
 
-def text(evaluation: Evaluation, width: int = 100) -> str:
+def text(evaluation: Evaluation, width: int = 100, *, verbose: bool = True) -> str:
     out = io.StringIO()
-    Console(file=out, width=width).print(report.results_table(evaluation))
+    Console(file=out, width=width).print(report.results_table(evaluation, verbose))
     return out.getvalue()
 
 
@@ -91,29 +91,83 @@ def test_no_name_and_no_number_is_shortened(width: int, names: tuple[str, ...], 
         assert all("pass" in row or "FAIL" in row for row in rows) is compared
 
 
+def test_rows_of_one_variant_each_are_not_set_apart() -> None:
+    metrics = {name: Metric(name, FORCE, "mean", variants=("PI",)) for name in "ab"}
+    lines = text(evaluate(metrics, [], tables())).splitlines()
+    first = next(i for i, line in enumerate(lines) if line.split()[:2] == ["a", "PI"])
+    assert lines[first + 1].split()[:2] == ["b", "PI"]
+
+
 def test_a_metric_without_a_value_says_so_without_a_paper() -> None:
     late = Metric("m", FORCE, "mean", Window(6 * 10**9))
     assert text(evaluate({"m": late}, [], tables())).count("no value") == 2
 
 
+@pytest.mark.parametrize("columns", [None, "40"])
 def test_piped_output_has_whole_sentences(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, columns: str | None
 ) -> None:
-    """Whatever the terminal of who started it is like: a file is searched by lines."""
+    """A file is searched by lines; a width that is set with COLUMNS is obeyed."""
     from twin.cli.run import show
     from twin.run import RunResult as Ran
     from twin.scenario import parse_scenario
 
-    monkeypatch.setenv("COLUMNS", "40")
+    if columns:
+        monkeypatch.setenv("COLUMNS", columns)
     limits = [Expectation("long " * 30 + "name", signal=FORCE, at_least=0.1, unit="N")]
     evaluation = evaluate({"error_std": METRIC}, limits, tables())
     scenario = parse_scenario("{title: T, stop_time: 1, members: {heart: {component: heart}}}", tmp_path / "s.yaml")
     info = results.RunInfo("x")
     summary = results.build_summary(info, evaluation, tables())
-    show(Ran(scenario, {}, info, evaluation=evaluation, folder=tmp_path, summary=summary), report=True)
+    ran = Ran(scenario, {}, info, evaluation=evaluation, folder=tmp_path, summary=summary)
+    show(ran, report=True, verbose=True)
     lines = capsys.readouterr().out.splitlines()
-    assert any(line.startswith("pass    long ") and line.endswith("expected at least 0.1 N.") for line in lines)
-    assert any(line.split()[:2] == ["error_std", "PI"] for line in lines)
+    whole = [line for line in lines if line.startswith("pass    long ") and line.endswith("expected at least 0.1 N.")]
+    assert len(whole) == (columns is None)
+    assert any(line.split()[:2] == ["error_std", "PI"] for line in lines) is (columns is None)
+    texts = [line for line in lines if str(tmp_path) not in line]
+    assert columns is None or max(map(len, texts)) <= int(columns)
+
+
+def compact(metrics: dict[str, Metric], expectations: Sequence[Expectation], width: int = 80) -> list[list[str]]:
+    """The words of each line that a run of two variants with two seeds prints without --verbose."""
+    lines = text(evaluate(metrics, expectations, tables()), width, verbose=False).splitlines()
+    assert max(map(len, lines)) <= width
+    return [line.split() for line in lines if line.strip()]
+
+
+def test_what_passes_and_what_was_not_judged_is_counted() -> None:
+    other = Expectation("of another variant", signal=FORCE, at_least=0.1, variants=("PI+BW",))
+    lines = compact({"error_std": METRIC}, [ORDER, LIMIT, other, Expectation("low", signal=FORCE, at_most=9.0)])
+    verdicts = lines[[line[0] for line in lines].index("FAIL") :]
+    assert " ".join(verdicts[0]).startswith("FAIL stays <in> band: a.force is 0.25 N at")
+    rest = [" ".join(line) for line in verdicts if line[0] in ("skipped", "pass")]
+    assert rest == [
+        "skipped 1 expectation (--verbose says why): of another variant.",
+        "pass 2 expectations (--verbose lists them).",
+    ]
+
+
+def test_failures_come_first_and_the_worst_seed_is_shown() -> None:
+    titles, name, fails, passes, *rest = compact({"error_std": METRIC}, [])
+    assert titles == ["paper", "twin", "worst", "ratio", "tolerance", "verdict"]
+    assert (name, fails[0], fails[-1], passes[0], passes[-1]) == (["error_std"], "PI+FF", "FAIL", "PI", "pass")
+    assert not rest
+
+
+def test_metrics_without_a_reference_are_columns_of_variants_or_counted() -> None:
+    means = {f"m{i}": Metric(f"m{i}", FORCE, "mean", unit="mN") for i in range(9)}
+    lines = compact({"error_std": METRIC, **means}, [])
+    assert lines[4] == ["mean", "/", "worst", "of", "the", "seeds", "PI", "PI+FF"]
+    assert [line[:2] for line in lines[6:]] == [[name, "[mN]"] for name in means]
+    assert all(line[3] == "/" and len(line) == 8 for line in lines[6:])
+    long = {f"{name}_{'x' * 60}": metric for name, metric in means.items()}
+    renamed = {name: Metric(name, FORCE, "mean", unit="mN") for name in long}
+    assert compact({"error_std": METRIC, **renamed}, [])[4:] == [
+        ["9", "more", "metrics", "without", "a", "reference", "value:", "see", "--verbose", "or", "the", "report."]
+    ]
+    few = dict(list(renamed.items())[:2])
+    assert len(compact(few, [])) > 2 * 2
 
 
 class Tags(HTMLParser):

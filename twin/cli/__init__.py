@@ -24,33 +24,45 @@ from twin.process import command_line, end, handle_signals, is_interrupted, memo
 __all__ = ["group", "invoke", "main", "say"]
 
 
-COMMANDS = {
-    "demo": "show three commands to begin with",
-    "list": "list components, scenarios, studies, drive profiles and runs",
-    "describe": "show variables, units and bounds of a component, scenario or FMU",
-    "run": "run a scenario: all variants and seeds, metrics, report",
-    "study": "run a Monte Carlo, sensitivity, worst-case or tuning study",
-    "resume": "continue an interrupted run from its last checkpoint",
-    "branch": "continue a run from a point in time with changed values",
-    "recover": "recover the results of an interrupted run",
-    "check": "validate scenario files without running them",
-    "graph": "show the coupling structure: order, periods, delays, loops",
-    "profile": "measure the computing time of each member",
-    "simulate": "simulate a single FMU and write its outputs",
-    "build": "build the components of fmus/ as FMUs",
-    "test": "check that a component gives equal results with all backends",
-    "reference": "record a component's reference trajectory (expected.csv)",
-    "export": "export a component or a part of a scenario as one FMU or SSP",
-    "compare": "compare two runs: signals, metrics, verdicts",
-    "view": "open runs in the browser, export them (HTML, CSV, MAT, MCAP), animate a scene",
-    "console": "operate a scenario live in the browser",
-    "cache": "show or clear the cache of generated code and FMUs",
-    "calibrate": "calibrate a component from bench measurements (CSV)",
-    "identify": "fit the parameters of any model to recorded data (CSV or CAN traces)",
-    "follow": "estimate states and parameters of a model along a recording or a running rig",
-    "validate": "predict measured data with frozen parameters; fit and cross-validate",
-    "new": "create a component or a project from a template",
+COMMANDS = {  # by task
+    "Run and look": {
+        "demo": "show three commands to begin with",
+        "list": "list scenarios, studies, components, drive profiles and runs",
+        "describe": "show variables, units and bounds of a component, scenario or FMU",
+        "run": "run a scenario: all variants and seeds, metrics, report",
+        "view": "view runs or a scene in the browser; write HTML, CSV, MAT, MCAP",
+        "console": "operate a scenario live in the browser",
+        "compare": "compare two runs: signals, metrics, verdicts",
+        "resume": "continue an interrupted run from its last checkpoint",
+        "branch": "continue a run from a point in time with changed values",
+    },
+    "Check": {
+        "check": "validate scenario files without running them",
+        "graph": "show the coupling structure: order, periods, delays, loops",
+        "profile": "measure the computing time of each member",
+    },
+    "Build and export": {
+        "new": "create a component or a project from a template",
+        "test": "check that a component gives equal results with all backends",
+        "reference": "record a component's reference trajectory (expected.csv)",
+        "build": "build the components of fmus/ as FMUs",
+        "simulate": "simulate a single FMU and write its outputs",
+        "export": "export a component or a part of a scenario as one FMU or SSP",
+    },
+    "Identify and study": {
+        "calibrate": "calibrate a component from bench measurements (CSV)",
+        "identify": "fit the parameters of a model to recordings (CSV, CAN traces)",
+        "validate": "predict measured data with frozen parameters; cross-validate",
+        "follow": "estimate states and parameters along a recording or running rig",
+        "study": "run a Monte Carlo, sensitivity, worst-case or tuning study",
+    },
+    "Housekeeping": {
+        "recover": "recover the results of an interrupted run",
+        "cache": "show or clear the cache of generated code and FMUs",
+    },
 }
+NAMES = tuple(name for commands in COMMANDS.values() for name in commands)
+HARDWARE = "Hardware and plug-ins"  # heading of the commands of other packages
 
 
 class Commands(click.Group):
@@ -58,11 +70,11 @@ class Commands(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names in the order of a typical workflow."""
-        return [*COMMANDS, *plugin_commands()]
+        return [*NAMES, *plugin_commands()]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import the command's module."""
-        if cmd_name in COMMANDS:
+        if cmd_name in NAMES:
             command: click.Command = importlib.import_module(f"twin.cli.{cmd_name}").command
             return command
         if cmd_name not in plugin_commands():
@@ -74,15 +86,19 @@ class Commands(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the command; suggest the nearest name if there is none."""
-        if args and not args[0].startswith("-") and args[0] not in COMMANDS and args[0] not in plugin_commands():
+        if args and not args[0].startswith("-") and args[0] not in NAMES and args[0] not in plugin_commands():
             ctx.fail(f"no command {args[0]!r}. {nearest(args[0], self.list_commands(ctx))}")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the commands without importing them."""
-        plugins = [(name, summary(name)) for name in plugin_commands()]
-        with formatter.section("Commands"):
-            formatter.write_dl([*COMMANDS.items(), *plugins])
+        """List the commands by task, without importing them."""
+        groups = {**COMMANDS, HARDWARE: {name: summary(name) for name in plugin_commands()}}
+        groups["Housekeeping"] = groups.pop("Housekeeping")  # last
+        width = max(map(len, self.list_commands(ctx)))
+        for heading, commands in groups.items():
+            if commands:
+                with formatter.section(heading):
+                    formatter.write_dl([(name.ljust(width), text) for name, text in commands.items()])
 
 
 @click.group(
@@ -96,9 +112,9 @@ def group(context: click.Context) -> None:
     """Digital twins of robotic catheters: native FMUs, coupled by a compiled co-simulation master.
 
     \b
-    twin run heart_wall_force                  the force experiment of paper A
-    twin simulate pump.fmu --stop-time 10      any FMU, FMI 2.0 or 3.0
-    twin new my_part && twin build my_part     your own component
+    twin run heart_wall_force               force control against a beating wall
+    twin simulate pump.fmu --stop-time 10   any FMU, FMI 2.0 or 3.0
+    twin new my_part && twin build my_part  your own component
     """
     if context.invoked_subcommand is None:
         from twin.cli.demo import show_examples
@@ -161,6 +177,9 @@ def run_command(command: click.Command, name: str) -> int:
         return error.code
     except BrokenPipeError:  # a subclass of OSError
         raise
+    except click.exceptions.NoArgsIsHelpError as error:  # its message is the help text
+        error.show()
+        return error.exit_code
     except click.ClickException as error:
         error.__dict__["message"] = printable(error.message)
         error.show()

@@ -6,7 +6,15 @@ from pathlib import Path
 
 import click
 
-from twin.cli.options import SET_EXAMPLE, build_option, duration_option, no_report_option, runs_option, timeout_option
+from twin.cli.options import (
+    SET_EXAMPLE,
+    build_option,
+    duration_option,
+    no_report_option,
+    runs_option,
+    timeout_option,
+    verbose_option,
+)
 from twin.cli.resume import continue_from, json_option
 
 
@@ -24,6 +32,7 @@ from twin.cli.resume import continue_from, json_option
 @runs_option
 @build_option
 @json_option
+@verbose_option
 @no_report_option
 @timeout_option("End a case when a step of a member takes longer [s].  [default: no limit]")
 def command(
@@ -33,6 +42,7 @@ def command(
     runs: Path,
     build: Path,
     as_json: bool,
+    verbose: bool,
     no_report: bool,
     timeout: float,
 ) -> None:
@@ -48,4 +58,4 @@ def command(
     twin run heart_wall_force --checkpoint 5s
     twin branch runs/heart_wall_force/latest --at 12.5s --set heart.rate="1.6 Hz"
     """
-    continue_from(folder, runs, build, as_json, no_report, timeout, at=at, overrides=overrides)
+    continue_from(folder, runs, build, as_json, no_report, timeout, verbose, at=at, overrides=overrides)

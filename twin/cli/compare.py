@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from twin.cli.options import signal_option
-from twin.cli.terminal import make_table, open_console, say
+from twin.cli.terminal import make_table, open_console, say, show_text
 
 MAX_LISTED = 20  # signals, and other differences, without --all
 MAX_NAMES = 6  # names in a line without --all
@@ -60,14 +60,14 @@ def command(
             raise TwinError(f"{pattern!r}: not recorded in either run. {nearest(pattern, runs[0].signals)}")
     folders, summaries = (runs[0].folder, runs[1].folder), (runs[0].summary, runs[1].summary)
     comparison = compare_runs(folders, summaries, tolerance, patterns, variants)
-    say(comparison.headline)
+    show_text(comparison.headline)
     if (most := comparison.largest) is not None:
         by = f"{most.text}, {most.part:.2g} of its largest magnitude" if isfinite(most.part) else most.text
-        say(f"Most: {most.name} of {most.variant}, seed {most.seed}: {by}.")
+        show_text(f"{most.name} of {most.variant}, seed {most.seed}: {by}.", "Most: ")
     for note in comparison.notes:
-        say(f"note: {note}")
+        show_text(note, "note: ")
     for entry in comparison.missing:
-        say(entry.text(len(entry.names) if everything else MAX_NAMES))
+        show_text(entry.text(len(entry.names) if everything else MAX_NAMES))
     for problem in comparison.problems[: None if everything else MAX_LISTED]:
         say(problem)
     if len(comparison.problems) > MAX_LISTED and not everything:

@@ -30,4 +30,4 @@ def show_examples() -> None:
         say(f"  {line}")
         show_text(" ".join(shows.split()), "      ")
     say()
-    say("Your own component: `twin new my_part`. What there is: `twin list`. All commands: `twin --help`.")
+    show_text("Your own component: `twin new my_part`. What there is: `twin list`. All commands: `twin --help`.")

@@ -1,9 +1,8 @@
-"""`twin list`: list components, scenarios, studies, drive profiles and runs."""
+"""`twin list`: list scenarios, studies, components, drive profiles and runs."""
 
 from __future__ import annotations
 
 import json
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +10,7 @@ import click
 
 from twin import installed
 from twin.cli.options import filter_option, runs_option
-from twin.cli.terminal import open_console, say
+from twin.cli.terminal import open_console, show_text
 from twin.errors import TwinError, nearest
 
 if TYPE_CHECKING:
@@ -25,7 +24,7 @@ Listing = dict[str, str]  # descriptions by name
 @filter_option
 @runs_option
 def command(kinds: tuple[str, ...], text: str, runs: Path) -> None:
-    """List entries of each KIND: components, scenarios, studies, profiles (of drives), runs.  [default: all kinds]
+    """List entries of each KIND: scenarios, studies, components, profiles (of drives), runs.  [default: all kinds]
 
     Nothing is imported or run. Commands accept the listed names; `twin describe NAME` shows details.
 
@@ -34,9 +33,9 @@ def command(kinds: tuple[str, ...], text: str, runs: Path) -> None:
     twin list components --filter force
     """
     listings: dict[str, Callable[[], Listing]] = {
+        "scenarios": lambda: titles("scenario"),
+        "studies": lambda: titles("study"),
         "components": components,
-        "scenarios": partial(scenarios, "scenario"),
-        "studies": partial(scenarios, "study"),
         **{kind: point.load() for kind, point in installed.entry_points("twin.listed").items()},
         "runs": lambda: runs_by_folder(runs),
     }
@@ -44,9 +43,13 @@ def command(kinds: tuple[str, ...], text: str, runs: Path) -> None:
         if kind not in listings:
             raise TwinError(f"There is no list of {kind!r}. {nearest(kind, listings)}")
     for kind in kinds or listings:
-        lines = [(name, line) for name, line in listings[kind]().items() if text.lower() in f"{name} {line}".lower()]
-        say(f"{kind}: {len(lines)}")
-        show(lines)
+        listing = listings[kind]()
+        lines = {name: line for name, line in listing.items() if text.lower() in f"{name} {line}".lower()}
+        show_text("", f"{kind}: {len(lines)}", "bold")
+        for heading, names in by_topic(lines).items() if kind == "scenarios" else [("", [*lines])]:
+            if heading:
+                show_text("", f" {heading}:", "bold")
+            show((name, lines[name]) for name in names)
 
 
 def show(lines: Iterable[tuple[str, str]]) -> None:
@@ -70,11 +73,26 @@ def components() -> Listing:
     return {name: catalog.summary(name) for name in catalog.names()}
 
 
-def scenarios(kind: str) -> Listing:
+def titles(kind: str) -> Listing:
     """Return scenarios or studies of the working directory and of the project, with their titles."""
     from twin.scenario import scenario_paths
 
     return {name: scenario_paths.title(path) for name, path in scenario_paths.scenarios(kind).items()}
+
+
+def by_topic(names: Iterable[str]) -> dict[str, list[str]]:
+    """Group scenarios under headings: those of `twin demo` first, then by topic, then the others."""
+    from twin.cli.demo import EXAMPLES
+    from twin.scenario import scenario_paths
+
+    paths, first = scenario_paths.scenarios(), [line.split()[-1] for line in EXAMPLES]
+    groups: dict[str, list[str]] = {
+        heading: [] for heading in ("Start here", *scenario_paths.TOPICS.values(), "Others")
+    }
+    for name in names:
+        topic = scenario_paths.TOPICS.get(scenario_paths.overview(paths[name]).topic, "Others")
+        groups["Start here" if name in first else topic].append(name)
+    return {heading: group for heading, group in groups.items() if group}
 
 
 def runs_by_folder(folder: Path) -> Listing:

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import click
 
-from twin.cli.options import no_report_option
+from twin.cli.options import no_report_option, verbose_option
 
 
 @click.command(name="recover")
 @click.argument("folder", type=click.Path(path_type=Path), metavar="RUN")
+@verbose_option
 @no_report_option
-def command(folder: Path, no_report: bool) -> None:
+def command(folder: Path, verbose: bool, no_report: bool) -> None:
     """Recover the results of a run whose processes were all killed: signals.parquet, summary.json, report.html.
 
     RUN is its folder, runs/SCENARIO/TIME. The next `twin run` does the same for all such runs in its folder of results.
@@ -23,4 +24,4 @@ def command(folder: Path, no_report: bool) -> None:
     from twin.run import recover
 
     outcome = recover(folder, report=not no_report)
-    show(outcome, (folder / "report.html").exists())
+    show(outcome, (folder / "report.html").exists(), verbose)

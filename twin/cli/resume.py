@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from twin.cli.options import build_option, no_report_option, runs_option, timeout_option
+from twin.cli.options import build_option, no_report_option, runs_option, timeout_option, verbose_option
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print summary.json, and nothing else, on stdout.")
 
@@ -16,9 +16,12 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print summar
 @runs_option
 @build_option
 @json_option
+@verbose_option
 @no_report_option
 @timeout_option("End a case when a step of a member takes longer [s].  [default: no limit]")
-def command(folder: Path, runs: Path, build: Path, as_json: bool, no_report: bool, timeout: float) -> None:
+def command(
+    folder: Path, runs: Path, build: Path, as_json: bool, verbose: bool, no_report: bool, timeout: float
+) -> None:
     """Continue a run that was interrupted, killed or failed from its last checkpoints, to its end.
 
     RUN is its folder, runs/SCENARIO/TIME; the run was started with `twin run --checkpoint DURATION`. The result is a new
@@ -31,7 +34,7 @@ def command(folder: Path, runs: Path, build: Path, as_json: bool, no_report: boo
     twin run heart_wall_ten_minutes --checkpoint 60s
     twin resume runs/heart_wall_ten_minutes/2026-11-22_08-14-00
     """
-    continue_from(folder, runs, build, as_json, no_report, timeout, at=None, overrides=())
+    continue_from(folder, runs, build, as_json, no_report, timeout, verbose, at=None, overrides=())
 
 
 def continue_from(
@@ -41,6 +44,7 @@ def continue_from(
     as_json: bool,
     no_report: bool,
     timeout: float,
+    verbose: bool = False,
     *,
     at: int | None,
     overrides: tuple[str, ...],
@@ -62,4 +66,4 @@ def continue_from(
             outcome = resume(Path(link.successor_values["resume"]), options, channel=link, callbacks=callbacks)
         else:
             outcome = continue_run(folder, options, at_ns=at, overrides=overrides, channel=link, callbacks=callbacks)
-    report_outcome(outcome, as_json, not no_report)
+    report_outcome(outcome, as_json, not no_report, verbose)

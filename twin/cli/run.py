@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,6 +22,7 @@ from twin.cli.options import (
     overrides_option,
     runs_option,
     timeout_option,
+    verbose_option,
 )
 from twin.cli.progress import ProgressBar
 from twin.cli.terminal import NO_BREAK_SPACE, open_console, say, show_elapsed, show_text
@@ -32,6 +34,9 @@ if TYPE_CHECKING:
     from twin.process import SupervisorChannel
     from twin.run import Hardware, RunResult
     from twin.scenario import ScenarioSpec
+
+NUMBERS = re.compile(r"[\s\[\]\d.,eE+-]+")  # the value of `--set` is one number or several, without a unit
+TIMES = ("start_time", "stop_time", "step", "period", "communication_step")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -76,6 +81,7 @@ class RunArguments:
     build: Path
     as_json: bool
     no_report: bool
+    verbose: bool
     log_members: tuple[str, ...]
     step_refinement: bool
     timeout: float
@@ -132,6 +138,7 @@ class RunArguments:
     help="With --hardware: start the bus, but never enable power; simulated drives show the commands.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print summary.json, and nothing else, on stdout.")
+@verbose_option
 @no_report_option
 @click.option(
     "--log",
@@ -177,7 +184,7 @@ def command(
     arguments.check(hardware)
     link = supervise(arguments.timeout)  # moves to a process of its own before large packages are imported
     outcome = execute(arguments, hardware, link)
-    report_outcome(outcome, arguments.as_json, not arguments.no_report)
+    report_outcome(outcome, arguments.as_json, not arguments.no_report, arguments.verbose)
 
 
 def execute(options: RunArguments, hardware: HardwareOptions, link: SupervisorChannel) -> RunResult:
@@ -245,12 +252,12 @@ def read(file: Path, overrides: tuple[str, ...], build: Path) -> ScenarioSpec:
         return load_scenario(file, overrides)
 
 
-def report_outcome(outcome: RunResult, as_json: bool, report: bool) -> None:
+def report_outcome(outcome: RunResult, as_json: bool, report: bool, verbose: bool = False) -> None:
     """Print the results and exit with the code of the outcome."""
     if as_json:
         click.echo((outcome.folder / "summary.json").read_text(), nl=False)
     else:
-        show(outcome, report)
+        show(outcome, report, verbose)
     if outcome.run.status == "interrupted":
         sys.exit(130)
     if not outcome.passed:
@@ -291,8 +298,8 @@ class RunProgress(ProgressBar):
             say(line, err=True)
 
 
-def show(outcome: RunResult, report: bool) -> None:
-    """Print the table of metrics, notes, and the verdict with the path of the results."""
+def show(outcome: RunResult, report: bool, verbose: bool = False) -> None:
+    """Print the metrics, the expectations, notes, and the verdict with the path of the results."""
     from twin.run import results_table
 
     console = open_console()
@@ -300,8 +307,8 @@ def show(outcome: RunResult, report: bool) -> None:
     if sentence := outcome.summary.get("sentence"):
         show_text(sentence)
     if outcome.scenario.overrides:
-        console.print(f"set: {', '.join(outcome.scenario.overrides)}")
-    console.print(results_table(outcome.evaluation))
+        show_text(", ".join(with_unit(option, outcome) for option in outcome.scenario.overrides), "set: ")
+    console.print(results_table(outcome.evaluation, verbose))
     for note in outcome.run.extra.get("notes", []):
         show_text(note, "note: ")
     for line in outcome.run.extra.get("hardware", {}).get("shown", []):
@@ -318,6 +325,19 @@ def show(outcome: RunResult, report: bool) -> None:
     show_verdict(outcome, report)
 
 
+def with_unit(option: str, outcome: RunResult) -> str:
+    """Return a `--set` option; behind a number without a unit the unit that it has, as in `heart.rate=1.2 (Hz)`."""
+    path, _, text = option.partition("=")
+    if not NUMBERS.fullmatch(text):
+        return option
+    unit = "s" if path.strip().rpartition(".")[2] in TIMES else ""
+    for variant, catalog in outcome.catalogs.items():
+        member, _, name = path.strip().removeprefix(f"variants.{variant}.").partition(".")
+        variable = catalog.get(member, {}).get(name.removeprefix("parameters.").partition("[")[0])
+        unit = variable.unit if variable is not None else unit
+    return f"{option} ({unit})" if unit else option
+
+
 def show_verdict(outcome: RunResult, report: bool) -> None:
     """Print the last line: the verdict, how many requirements are met, the computing time, and where to look."""
     from twin.results import count_verdicts
@@ -330,11 +350,13 @@ def show_verdict(outcome: RunResult, report: bool) -> None:
         word = ("PASS" if summary["passed"] else "FAIL") if judged else "DONE"
     factor = run.real_time_factor
     speed = f" ({factor:.{0 if factor >= 10 else 1}f}x real time)" if factor else ""
-    counts = f"{met} of {judged} " if judged else ""
+    counts, end = (f"{met} of {judged} ", " ") if word == "PASS" else ("", " ")
+    if met < judged and word != "PASS":
+        counts, end = f"{judged - met} of {judged} requirements failed, ", ": "
     results = f"Report: {outcome.folder / 'report.html'}" if report else f"Results: {outcome.folder / 'summary.json'}"
     folder = "latest" if outcome.folder.parent.parent == Path("runs") else str(outcome.folder)
     style = {"PASS": "bold green", "DONE": "bold"}.get(word, "bold red")
     if summary.get("hardware", {}).get("dry_run"):
         word = f"DRY RUN, drives have not moved: {word}"
     locations = [text.replace(" ", NO_BREAK_SPACE) for text in (results, f"Look: twin view {folder}")]
-    show_text(f"{counts}in {run.wall_time:.3g} s{speed}. {'  '.join(locations)}", f"{word} ", style)
+    show_text(f"{counts}in {run.wall_time:.3g} s{speed}. {'  '.join(locations)}", f"{word}{end}", style)

@@ -35,7 +35,7 @@ def say(line: str = "", *, err: bool = False) -> None:
 
 
 def open_console(*, err: bool = False) -> Console:
-    """Return a rich console for tables and colors: wrapped on a terminal, whole lines in a file or pipe."""
+    """Return a rich console for tables and colors: wrapped on a terminal or at COLUMNS, else whole lines in a file or pipe."""
     from rich.console import Console
     from rich.segment import Segment
     from rich.text import Text
@@ -61,7 +61,8 @@ def open_console(*, err: bool = False) -> Console:
             self.file.write("\n".join(line.rstrip() for line in captured.get().split("\n")))
 
     stream = sys.stderr if err else sys.stdout
-    width = None if stream.isatty() else UNLIMITED
+    columns = os.environ.get("COLUMNS", "")
+    width = None if stream.isatty() else int(columns) if columns.isdecimal() and int(columns) else UNLIMITED
     return EscapingConsole(file=stream, markup=False, emoji=False, highlight=False, width=width)
 
 

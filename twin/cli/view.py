@@ -106,6 +106,7 @@ def command(what: tuple[str, ...], as_scene: bool, runs: Path, **options: Any) -
     elif view_options.patterns or view_options.title or view_options.variant or view_options.seed is not None:
         raise click.UsageError("--signal, --title, --variant and --seed need a run, not an environment.")
     else:
+        check_name(what[0], runs)
         view_environment(what[0], view_options.output)
 
 
@@ -134,6 +135,17 @@ def is_run(text: str) -> bool:
         or path.parts[:1] == ("runs",)
         or (text.rpartition(":")[2].isdigit() and not path.exists())
     )
+
+
+def check_name(text: str, runs: Path) -> None:
+    """Raise SceneError for a name that is neither an environment nor a file; suggest environments and runs."""
+    from twin.results import LATEST, finished_runs
+    from twin.scene import shipped_environments
+
+    environments = shipped_environments()
+    if len(Path(text).parts) == 1 and not Path(text).suffix and text not in environments:
+        latest = {str(folder.parent / LATEST) for folder in finished_runs(runs)}
+        raise SceneError(f"There is no environment or run '{text}'. {nearest(text, [*environments, *latest])}")
 
 
 def run_folder(text: str, runs: Path) -> Path:

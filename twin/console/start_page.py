@@ -13,15 +13,8 @@ if TYPE_CHECKING:
     from twin.console.page import PageContext
 
 MAX_RECENT = 4
+TOPICS = scenario_paths.TOPICS
 START_HERE = "teleoperation"  # needs no knowledge of the models
-TOPICS = {  # `topic` of a scenario, heading
-    "operate": "Operate",
-    "force": "Force on the beating heart",
-    "grippers": "Grippers and rig",
-    "navigation": "Navigation",
-    "injection": "Injection",
-    "drives": "Drives and failures",
-}
 Group = tuple[str, "list[tuple[str, scenario_paths.Overview]]"]  # heading, scenarios by name
 
 

@@ -7,7 +7,7 @@ import lazy_loader
 from twin.results import plot_annotations
 from twin.results.analysis import Analysis
 from twin.results.evaluation import dimension, expression
-from twin.results.evaluation.coverage import ends_before
+from twin.results.evaluation.coverage import ends_before, shorten
 from twin.results.evaluation.expression import Expression
 from twin.results.evaluation.hardware_termination import HardwareTermination
 from twin.results.evaluation.metric_format import MetricFormat, common_format, metric_formats
@@ -97,6 +97,7 @@ __all__ = [
     "resolve_latest",
     "rows",
     "run_folder",
+    "shorten",
     "si_conversion",
     "signals",
     "stream",

@@ -60,10 +60,11 @@ class Missing:
     of: str = ""
 
     def text(self, limit: int) -> str:
-        """`14 signals only in the first run: a, b, c and 11 more`; with at most `limit` names."""
+        """`14 signals only in the first run: a, b, c and 11 more`; with at most `limit` names; those of cases contain commas."""
         more = f" and {len(self.names) - limit} more" if len(self.names) > limit else ""
         where = f" of {self.of}" if self.of else ""
-        return f"{self.count}{where} only in the {self.run} run: {', '.join(self.names[:limit])}{more}"
+        separator = "; " if any("," in name for name in self.names) else ", "
+        return f"{self.count}{where} only in the {self.run} run: {separator.join(self.names[:limit])}{more}"
 
     @property
     def count(self) -> str:

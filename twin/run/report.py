@@ -13,6 +13,7 @@ from twin.results import (
     ExpectationResult,
     MetricResult,
     metric_formats,
+    shorten,
     si_conversion,
 )
 
@@ -101,22 +102,118 @@ def metric_definition(result: MetricResult) -> str:
     return f"{result.metric.reduce.replace('_', ' ')} of {result.metric.signal.text}{result.metric.window.text}"
 
 
-def results_table(evaluation: Evaluation) -> Group:
-    """Format metrics, reference values and expectation results for a terminal of any width."""
+def results_table(evaluation: Evaluation, verbose: bool = False) -> Group:
+    """Format metrics, reference values and expectation results for a terminal of any width.
+
+    Without `verbose`, passed and skipped expectations are counted, and metrics without a reference value are shortened.
+    """
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
 
-    parts: list[Any] = [MetricTable(metric_rows(evaluation.metric_results))] if evaluation.metric_results else []
+    expectations, metrics = evaluation.expectation_results, evaluation.metric_results
     verdicts = Table.grid()
     verdicts.add_column(no_wrap=True, min_width=8)
     verdicts.add_column(overflow="fold")
-    for result in evaluation.expectation_results:
-        name = f"{result.name}: " if has_own_name(result) else ""
-        verdicts.add_row(Text(*VERDICTS[result.verdict]), Text(f"{name}{result.detail}"))
-    for sentence in evaluation.unjudged:
+    for result in expectations:
+        if verbose or result.verdict not in ("pass", "skipped"):
+            name = f"{result.name}: " if has_own_name(result) else ""
+            verdicts.add_row(Text(*VERDICTS[result.verdict]), Text(f"{name}{result.detail}"))
+    for sentence in evaluation.unjudged if expectations else ():
         verdicts.add_row(Text(*VERDICTS["unjudged"]), Text(sentence))
-    return Group(*parts, verdicts) if evaluation.expectation_results else Group(*parts)
+    for verdict, text in () if verbose else count_expectations(expectations).items():
+        verdicts.add_row(Text(*VERDICTS[verdict]), Text(text))
+    table = MetricTable(metric_rows(metrics)) if verbose else MetricOverview(metrics)
+    return Group(*[table] * bool(metrics), *[verdicts] * bool(verdicts.row_count))
+
+
+def count_expectations(results: Sequence[ExpectationResult]) -> dict[str, str]:
+    """Return a text for the skipped expectations and one for the passed ones, by verdict."""
+    names = {verdict: [each.name for each in results if each.verdict == verdict] for verdict in ("skipped", "pass")}
+    subjects = {verdict: f"{len(each)} expectation{'s' * (len(each) > 1)}" for verdict, each in names.items()}
+    texts = {
+        "skipped": f"{subjects['skipped']} (--verbose says why): {shorten(names['skipped'])}.",
+        "pass": f"{subjects['pass']} (--verbose lists {'them' if len(names['pass']) > 1 else 'it'}).",
+    }
+    return {verdict: text for verdict, text in texts.items() if names[verdict]}
+
+
+def compact_table(results: Sequence[MetricResult]) -> MetricTable:
+    """Return the table of some metrics, failures first, without columns that say nothing: one seed is its own worst."""
+    table = MetricTable(sorted(metric_rows(results), key=lambda row: not is_failure(row)))
+    is_used = {
+        "worst": any(len(result.values) > 1 for result in results),
+        "tolerance": any(result.verdict in ("pass", "fail") for result in results),
+    }
+    table.titles = {key: title for key, title in table.titles.items() if is_used.get(key, True)}
+    return table
+
+
+class MetricOverview:
+    """Metrics of a run in few lines: those with a reference value as a `MetricTable`, failures first; below it the others.
+
+    The others are a table with a column for each variant if it fits, else a list if it is short; else they are counted.
+    """
+
+    MAX_WIDTH = 120  # of the table of variants, also where the output is a file
+    MAX_ROWS = 18  # of the list
+    MAX_VARIANTS = 6  # up to which a metric with a reference value is shown for the other variants, too
+
+    def __init__(self, results: Sequence[MetricResult]) -> None:
+        by_name: dict[str, list[MetricResult]] = {}
+        for result in results:
+            by_name.setdefault(result.metric.name, []).append(result)
+        self.compared: list[MetricResult] = []
+        self.others: dict[str, list[MetricResult]] = {}
+        for name, group in by_name.items():
+            judged = [result for result in group if result.paper is not None or result.verdict != "info"]
+            self.compared += group if judged and len(group) <= self.MAX_VARIANTS else judged
+            if not judged:
+                self.others[name] = group
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterable[RenderableType]:
+        """Render for rich."""
+        from rich.text import Text
+
+        if self.compared:
+            yield compact_table(self.compared)
+        if not self.others:
+            return
+        table = self.variant_table()
+        width = min(options.max_width, self.MAX_WIDTH)
+        others = [result for group in self.others.values() for result in group]
+        if console.measure(table, options=options.update(max_width=UNLIMITED)).maximum <= width:
+            yield table
+        elif len(others) + len(self.others) <= self.MAX_ROWS:
+            yield compact_table(others)
+        else:
+            more, number = "more " * bool(self.compared), len(self.others)
+            yield Text(
+                f"{number} {more}metric{'s' * (number > 1)} without a reference value: see --verbose or the report."
+            )
+
+    def variant_table(self) -> Table:
+        """Lay out one row for each metric, with its unit, and one column for each variant: mean over seeds / worst seed."""
+        from rich import box
+        from rich.table import Table
+        from rich.text import Text
+
+        results = [result for group in self.others.values() for result in group]
+        formats = metric_formats(results)
+        has_seeds = any(len(result.values) > 1 for result in results)
+        table = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
+        table.add_column("mean / worst of the seeds" if has_seeds else "metric", no_wrap=True)
+        variants = list(dict.fromkeys(result.variant for result in results))
+        for variant in variants:
+            table.add_column(Text(variant), justify="right", no_wrap=True)
+        for name, group in self.others.items():
+            style = formats[name]
+            cells = dict.fromkeys(variants, "-")
+            for result in group:
+                numbers = [style.number(value, result.scale) for value in (result.mean, result.worst)]
+                cells[result.variant] = " / ".join(numbers if has_seeds else numbers[:1])
+            table.add_row(*map(Text, (f"{name} [{style.label}]" if style.label else name, *cells.values())))
+        return table
 
 
 class MetricTable:
@@ -169,7 +266,8 @@ class MetricTable:
             for row in rows:
                 texts = [name if row is rows[0] else "", row["variant"], *(row[key] for key in self.titles)]
                 grid.add_row(*map(Text, texts), *([self.verdict(row)] if self.has_reference else []))
-            grid.add_section()
+            if len(rows) > 1:
+                grid.add_section()
         return grid
 
     def stacked_layout(self) -> Table:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from twin.errors import ScenarioError, nearest
+from twin.errors import ScenarioError, find_similar, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -14,6 +14,14 @@ if TYPE_CHECKING:
     from twin.scenario.yaml_files.yaml_node import Node
 
 FOLDERS = {"scenario": "scenarios", "study": "scenarios/studies", "validation": "validation"}
+TOPICS = {  # `topic` of a scenario, heading
+    "operate": "Operate",
+    "force": "Force on the beating heart",
+    "grippers": "Grippers and rig",
+    "navigation": "Navigation",
+    "injection": "Injection",
+    "drives": "Drives and failures",
+}
 SHARE = "share/catheter-twin"  # data folder of the wheel, below the prefix
 
 
@@ -92,6 +100,11 @@ def located(name_or_path: str | Path, kind: str = "scenario") -> Path:
         raise ScenarioError(
             f"{path}: is not there. There is a {kind} of this name elsewhere: give the name alone, {path.stem}."
         )
+    if path.suffix in (".yaml", ".yml") and not path.exists():
+        files = {other.stem: str(other) for other in path.parent.glob(f"*{path.suffix}")}
+        names = files | {name: name for name in scenarios(kind) if path.parent == Path()}
+        if close := [names[name] for name, _ in find_similar(path.stem, sorted(names))]:
+            raise ScenarioError(f"{path}: is not there. Did you mean {' or '.join(map(repr, close))}?")
     if path.suffix or len(path.parts) != 1 or path.is_file():
         return path
     named_paths = scenarios(kind)

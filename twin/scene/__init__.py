@@ -3,7 +3,7 @@
 import lazy_loader
 
 from twin.scene.environment import Environment, Wall
-from twin.scene.environment_files import READERS, read_environment
+from twin.scene.environment_files import READERS, read_environment, shipped_environments
 from twin.scene.frames import Frames, points_along_path, scene_instants, still_frames
 from twin.scene.space import Space, SpaceForce, SpaceLine, SpacePath, SpacePoint, SpaceView, Surface
 from twin.scene.spec import AXES, Arrow, Line, Mark, Scene
@@ -33,5 +33,6 @@ __all__ = [
     "points_along_path",
     "read_environment",
     "scene_instants",
+    "shipped_environments",
     "still_frames",
 ]

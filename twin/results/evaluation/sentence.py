@@ -17,9 +17,8 @@ if TYPE_CHECKING:
     from twin.results.evaluation.metrics import Metric, MetricResult
 
 PLACEHOLDER = re.compile(r"\{([^{}\[\].]+)(?:\[([^{}\[\]]+)\])?(?:\.(mean|worst|reference))?\}")
-CLAUSE_END = re.compile(r"(?<=[.;]) ")
+SENTENCE_END = re.compile(r"(?<=\.) ")
 DIGITS = 3
-MISSING = "(not run)"
 
 
 def check_sentence(text: str, metrics: Mapping[str, Metric], variants: Sequence[str]) -> list[str]:
@@ -36,7 +35,7 @@ def check_sentence(text: str, metrics: Mapping[str, Metric], variants: Sequence[
 
 
 def fill_sentence(text: str, results: Iterable[MetricResult]) -> str:
-    """Return the text with values, without the clauses whose values are all missing. Without a variant the first one is meant."""
+    """Return the text with values; a sentence ends before its first clause that lacks one. Without a variant the first one is meant."""
     by_name: dict[str, list[MetricResult]] = {}
     for result in results:
         by_name.setdefault(result.metric.name, []).append(result)
@@ -47,13 +46,17 @@ def fill_sentence(text: str, results: Iterable[MetricResult]) -> str:
         result = next((each for each in group if variant in (None, each.variant)), None)
         number = None if result is None else {"worst": result.worst, "reference": result.paper}.get(which, result.mean)
         if result is None or number is None:
-            return MISSING
+            raise LookupError
         style = metric_format(group)
         return MetricFormat(style.unit, None, style.is_difference).text(number, result.scale, DIGITS)
 
-    filled = []
-    for clause in CLAUSE_END.split(" ".join(text.split())):
-        values = [value(match) for match in PLACEHOLDER.finditer(clause)]
-        if not values or set(values) != {MISSING}:
-            filled.append(PLACEHOLDER.sub(value, clause))
-    return re.sub(r"[;:]$", ".", " ".join(filled))
+    sentences = []
+    for sentence in SENTENCE_END.split(" ".join(text.split())):
+        clauses = []
+        try:
+            for clause in sentence.split("; "):
+                clauses.append(PLACEHOLDER.sub(value, clause))
+        except LookupError:  # e.g. a variant that was not run
+            clauses[-1:] = [f"{clause}." for clause in clauses[-1:]]
+        sentences += ["; ".join(clauses)] * bool(clauses)
+    return " ".join(sentences)
