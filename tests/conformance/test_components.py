@@ -9,6 +9,7 @@ import re
 from pathlib import Path
 
 import pytest
+import yaml
 
 from tests.matrix import some
 from twin.component import PythonComponent, Role, catalog
@@ -92,3 +93,13 @@ def test_a_value_taken_from_another_component_is_that_value(name):
         if variable.role is Role.parameter and variable.shape == () and other and other[1] in catalog.names():
             values = {one.name: one.start for one in catalog.component(other[1]).variables}
             assert variable.start == values.get(variable.name, variable.start), variable.name
+
+
+@pytest.mark.parametrize("name", ["braided_sleeve", "instrument"])
+def test_readme_states_the_guidewire(name):
+    """The third column: the value of `scenarios/instruments/guidewire.yaml`, or "same" where that has none."""
+    readme = Path(inspect.getfile(catalog.component(name))).with_name("README.md").read_text()
+    given = yaml.safe_load(Path("scenarios/instruments/guidewire.yaml").read_text())[name]
+    rows = re.findall(r"^\| (\w+) \| [^|]+ \| ([^|]+) \| [^|]+\|$", readme, re.MULTILINE)
+    same = {parameter for parameter, wire in rows if wire in ("same", "other")}
+    assert {parameter for parameter, _ in rows[1:]} - same == set(given)
