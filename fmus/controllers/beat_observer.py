@@ -121,7 +121,7 @@ class BeatObserver(ForceControl, BeatSearch):
         "deviation that respiration gains in a second",
         display_unit="mm",
         minimum=0.0,
-        source="as phase_locked_control",
+        source="chosen; phase_locked_control has 0.5 mm",
     )
     breath_rate_process_noise = parameter(
         0.01, "Hz", "deviation that its rate gains in a second", minimum=0.0, source="estimate: 4 % of 0.25 Hz"

@@ -4,10 +4,16 @@ Compiled, as an FMU and as a folder of C those are tested at once that together 
 slow tests.
 """
 
+import inspect
+import re
+from pathlib import Path
+
 import pytest
+import yaml
 
 from tests.matrix import some
 from twin.component import PythonComponent, Role, catalog
+from twin.component.unit import conversion
 from twin.conformance import agreement as conformance
 
 INTERPRETED_FOR_SECONDS = (
@@ -28,6 +34,9 @@ EVERY_KIND = (
     "regripping_sequencer",
     "self_calibration",
 )
+
+# a row of a README's table of sources: parameter, number, unit, source
+STATED = re.compile(r"^\| (\w+) \| (-?\d[\d.]*(?:e-?\d+)?)(?: ([^ |,]+))? \|[^|]*\|$", re.MULTILINE)
 
 
 def is_slow(name, check):
@@ -64,3 +73,33 @@ def test_chosen_components_have_every_kind_of_variable():
         return {(one.type, len(one.shape), one.role) for one in variables if one.role in roles}
 
     assert kinds(NATIVE) - kinds(EVERY_KIND) == set()
+
+
+@pytest.mark.parametrize("name", catalog.names())
+def test_readme_states_the_declared_values(name):
+    component = catalog.component(name)
+    readme = Path(inspect.getfile(component)).with_name("README.md").read_text()
+    declared = {variable.name: variable for variable in component.variables if variable.shape == ()}
+    for parameter, number, unit in STATED.findall(readme):
+        factor, offset = conversion(unit, declared[parameter].unit, parameter)
+        assert float(number) * factor + offset == pytest.approx(declared[parameter].start, rel=0.005), parameter
+
+
+@pytest.mark.parametrize("name", catalog.names())
+def test_a_value_taken_from_another_component_is_that_value(name):
+    """A source "as COMPONENT", also with a reason after a colon, promises the value of that component's parameter."""
+    for variable in catalog.component(name).variables:
+        other = re.fullmatch(r"as (\w+)(?::.*)?", variable.source or "")
+        if variable.role is Role.parameter and variable.shape == () and other and other[1] in catalog.names():
+            values = {one.name: one.start for one in catalog.component(other[1]).variables}
+            assert variable.start == values.get(variable.name, variable.start), variable.name
+
+
+@pytest.mark.parametrize("name", ["braided_sleeve", "instrument"])
+def test_readme_states_the_guidewire(name):
+    """The third column: the value of `scenarios/instruments/guidewire.yaml`, or "same" where that has none."""
+    readme = Path(inspect.getfile(catalog.component(name))).with_name("README.md").read_text()
+    given = yaml.safe_load(Path("scenarios/instruments/guidewire.yaml").read_text())[name]
+    rows = re.findall(r"^\| (\w+) \| [^|]+ \| ([^|]+) \| [^|]+\|$", readme, re.MULTILINE)
+    same = {parameter for parameter, wire in rows if wire in ("same", "other")}
+    assert {parameter for parameter, _ in rows[1:]} - same == set(given)

@@ -71,6 +71,22 @@ def test_every_shipped_scenario_answers_in_a_sentence() -> None:
     assert silent == []
 
 
+@every_case(
+    ("name", "claim"),
+    [
+        # a reduction is that of one metric, between a variant without learning and one with it
+        (
+            "omnidirectional",
+            "learning reduces the error of the coordinates from {late[not learning]} to {late[learning]}",
+        ),
+        # the offset of eq. (2) is a length, its slope a number
+        ("catheter_calibration", "the tip falls behind the slide by {offset}"),
+    ],
+)
+def test_sentences_give_the_metric_that_they_name(name: str, claim: str) -> None:
+    assert claim in " ".join(load_scenario(f"scenarios/{name}.yaml").summary.split())
+
+
 def test_a_metric_has_one_unit_and_one_number_of_decimals() -> None:
     style = metric_formats(RESULTS)["error"]
     assert [style.text(result.mean) for result in RESULTS] == ["35.7 mN", "1.0 mN"]

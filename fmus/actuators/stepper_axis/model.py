@@ -57,7 +57,7 @@ class StepperAxis(Component):
     inertia = parameter(5e-6, "kg*m^2", "rotor, coupling, screw and slide", minimum=1e-9,
                         source="estimate: rotor 35 to 55 g cm2, slide 0.3 kg on a lead of 8 mm")
     damping = parameter(3e-3, "N*m*s", "torque per speed against the field", minimum=0.0,
-                        source="estimate: a fifth of critical")
+                        source="estimate: a seventh of critical")
     friction = parameter(3.0, "N", "dry friction of the slide", minimum=0.0,
                          source="estimate: ball bearings and a spring-loaded nut")
     efficiency = parameter(0.4, "", "of the leadscrew", minimum=0.05, maximum=1.0,

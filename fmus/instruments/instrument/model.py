@@ -105,7 +105,7 @@ class Instrument(Component):
         "acts at the radius; plausible without braid: 0.3 to 3e-3 N m2",
     )
     torsional_drag = parameter(2e-6, "N*m*s/rad", "viscous friction torque of each node", minimum=1e-12,
-                               source="estimate: a hundredth of the dry friction at 72 deg/s")
+                               source="estimate: a four-hundredth of the dry friction at 72 deg/s")
     section_length = parameter(
         (0.343, 78.5e-3, 78.5e-3), "m", "straight part and bends of the sheath; 0: there is no such section",
         display_unit="mm", minimum=0.0, source="paper: radius 50 mm, 90 deg; straight part: estimate, 500 mm in all",

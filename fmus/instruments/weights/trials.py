@@ -22,19 +22,25 @@ def resampled(x: Any, y: Any, count: int) -> tuple[Any, Any]:
     return grid, np.interp(grid, x, y)
 
 
+def holding(setting: Any, slip_load: Any) -> tuple[float, float]:
+    """Least and largest setting that was tried and held the required load: a grip that jumps is not interpolated."""
+    enough = setting[slip_load >= REQUIRED]
+    return (enough.min(), enough.max()) if enough.size else (np.nan, np.nan)
+
+
 def over_pressure(pressure: Any, slip_load: Any, trial: Any) -> dict[str, Any]:
-    """Slip load over supply pressure, and the lowest pressure that holds the required load."""
-    grid, load = resampled(*curve(pressure, slip_load, trial), len(trial))
-    enough = grid[load >= REQUIRED]
-    return {"pressure": grid, "load": load, "least": enough.min() if enough.size else np.nan}
+    """Slip load over supply pressure, and the least pressure tried that holds the required load."""
+    points = curve(pressure, slip_load, trial)
+    grid, load = resampled(*points, len(trial))
+    return {"pressure": grid, "load": load, "least": holding(*points)[0]}
 
 
 def over_diameter(diameter: Any, slip_load: Any, trial: Any) -> dict[str, Any]:
-    """Slip load over the instrument's diameter, and the range of diameters with at least the required load."""
-    grid, load = resampled(*curve(diameter, slip_load, trial), len(trial))
-    enough = grid[load >= REQUIRED]
-    bounds = (enough.min(), enough.max()) if enough.size else (np.nan, np.nan)
-    return {"diameter": grid, "load": load, "thinnest": bounds[0], "thickest": bounds[1]}
+    """Slip load over the instrument's diameter, and the thinnest and thickest tried that the required load does not move."""
+    points = curve(diameter, slip_load, trial)
+    grid, load = resampled(*points, len(trial))
+    thinnest, thickest = holding(*points)
+    return {"diameter": grid, "load": load, "thinnest": thinnest, "thickest": thickest}
 
 
 over_pressure.outputs = {"pressure": "Pa", "load": "N", "least": "Pa"}  # type: ignore[attr-defined]

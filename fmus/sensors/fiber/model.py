@@ -51,7 +51,7 @@ class Fiber(Component):
     wavelength_spacing = parameter(2e-9, "m", "to the next grating", display_unit="nm",
                                    source="38 gratings in 80 nm")
     wavelength_range = parameter(2e-9, "m", "largest shift that is read; beyond, it stays there", display_unit="nm",
-                                 minimum=0.0, source="estimate: the next grating's place, a bend of 21 mm radius")
+                                 minimum=0.0, source="estimate: the next grating's place, a bend of 22 to 23 mm radius")
     core_radius = parameter(37.5e-6, "m", "of the outer cores from the axis", display_unit="um", minimum=1e-6,
                             source="recalled: 35 to 37.5 um")
     photoelastic = parameter(0.22, "", "part of the strain that the refractive index takes back", source="recalled: silica")
