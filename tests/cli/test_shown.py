@@ -171,11 +171,11 @@ def study_outcome():
     knob = SimpleNamespace(factor=SimpleNamespace(name="gain", shown=lambda value: f"{value:g} 1/s"))
     keys = SimpleNamespace(quantiles=(0.5, 0.95), confidence=0.95, tune=SimpleNamespace(metric="force", of="worst"))
     outcome = SimpleNamespace(
-        study=SimpleNamespace(title="Study", keys=keys, knobs=[knob]),
+        study=SimpleNamespace(title="Study", keys=keys, knobs=[knob], factors=[knob.factor]),
         cases=SimpleNamespace(rows=[0] * 30),
         before=10,
         seconds=4.0,
-        worst=SimpleNamespace(metric="force", variant="PI", value=9.0, number=3, sampled=7.0, remark=""),
+        worst=SimpleNamespace(metric="force", variant="PI", value=9.0, values=[5.0], number=3, sampled=7.0, remark=""),
         tuned=SimpleNamespace(
             best=SimpleNamespace(knobs=[2.0]),
             trials=[0] * 5,
@@ -208,7 +208,7 @@ def test_results_of_a_study(capsys, monkeypatch):
         ["expectation", "variant", "pass rate", "95% interval"],
         ["safe", "PI", "85%", "80 to 90 %"],
         ["fails: safe (PI): 2 cases, rate high, noise low, e.g. 5"],
-        ["worst: force of PI force 9 in case 3; worst random case force 7"],
+        ["Worst force with PI that the search found: force 9 in case 3 (gain 5 1/s); worst random case: force 7."],
         ["tuned: gain 2 1/s; worst of force on unseen samples force 3, with the scenario's values force 4"],
         ["A sentence."],
     ]

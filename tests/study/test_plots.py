@@ -75,7 +75,7 @@ def test_parallel_coordinates_scale_each_factor_to_its_span(study, drawn):
     lines = [line for line in axis.lines if len(line.get_ydata()) == 4]
     assert [color(line) for line in lines] == [plots.GOOD] * 4 + [plots.BAD] * 2
     columns = np.array([line.get_ydata() for line in lines])  # cases 1, 2, 4, 5, then 3 and 6
-    values = cases.values[[0, 1, 3, 4, 2, 5]]
+    values = cases.values[[0, 1, 3, 4, 2, 5]] * [60.0, 1.0, 1.0]  # rates as in the file, per minute
     span = values.max(axis=0) - values.min(axis=0)
     assert columns[:, :3] == pytest.approx((values - values.min(axis=0)) / span)
     assert columns[:5, 3] == pytest.approx([0.0, 0.25, 0.5, 0.75, 1.0])  # 20 to 100 mN
@@ -83,7 +83,8 @@ def test_parallel_coordinates_scale_each_factor_to_its_span(study, drawn):
     ends = [one.get_text() for one in axis.texts]
     assert ends[-2:] == ["20", "100"]
     assert ends[:2] == [f"{values[:, 0].min():.3g}", f"{values[:, 0].max():.3g}"]
-    assert [one.get_text() for one in axis.get_xticklabels()][-1] == "force_max [mN]"
+    names = [one.get_text() for one in axis.get_xticklabels()]
+    assert names == ["heart.rate [1/min]", "heart.scale", "bent end [x]", "force_max [mN]"]
 
 
 def test_points_and_lines_lead_to_their_cases(study, drawn):
@@ -93,6 +94,9 @@ def test_points_and_lines_lead_to_their_cases(study, drawn):
     assert good.get_urls() == [f"#case-{numbers[i]}" for i in (0, 1, 3, 4)]
     assert bad.get_urls() == [f"#case-{numbers[2]}"]  # the sixth has no value
     assert np.allclose(good.get_offsets(), np.column_stack([cases.values[[0, 1, 3, 4], 1], [20.0, 40.0, 60.0, 80.0]]))
+    (axis_of_rate,) = plots.scatter(cases, "force_max", "plain", 0, "mN")
+    assert axis_of_rate.get_xlabel() == "heart.rate [1/min]"
+    assert np.allclose(axis_of_rate.collections[0].get_offsets()[:, 0], 60.0 * cases.values[[0, 1, 3, 4], 0])
     assert (axis.get_ylabel(), axis.lines[0].get_ydata()[0]) == ("force_max [mN]", pytest.approx(90.0))
     (axis,) = plots.parallel(cases, "force_max", "plain", "mN")
     urls = [line.get_url() for line in axis.lines if len(line.get_ydata()) == 4]
@@ -316,7 +320,7 @@ def test_changes_are_from_the_mean_of_the_first_sample(tmp_path):
         ("bent end", 2.0, 8, 0.08, 0.02),
     ]
     answers = Answers(cases)
-    assert [answers.change(one) for one in (found[2], found[4])] == ["heart.rate 1.5 Hz", "bent end x 2"]
+    assert [answers.change(one) for one in (found[2], found[4])] == ["heart.rate 90 1/min", "bent end x 2"]
     assert answers.interval(answers.shares[0]) == ""  # no sample of anything
     (first, *_) = [one for one in page.headline(answers) if "changes force_max" in one.text]
     assert first.text == "bent end x 2 changes force_max most, from 20 mN to 80 mN (case 8)."
@@ -353,7 +357,7 @@ def test_sections_of_searches(tmp_path, drawn):
         "remark": "",
         "number": 7,
         "evaluations": 48,
-        "values": [("heart.rate", "1.5 Hz"), ("heart.scale", "1.2"), ("bent end", "1")],
+        "values": [("heart.rate", "90 1/min"), ("heart.scale", "1.2"), ("bent end", "x 1")],
     }
     told = page.searched(outcome)
     assert told["worst"]["values"] == [1.5, 1.2, 1.0]
@@ -382,9 +386,10 @@ def test_which_pictures_a_page_has(study, tmp_path, drawn):
     }
     named = page.link({3})
     assert (named(3), named(4)) == ('<a href="#case-3">3</a>', "4")
-    assert page.factors(outcome)[2]["targets"] == "wall.bending_stiffness (multiplied)"
-    assert page.factors(outcome)[2]["kind"] == "log-normal: median 1, geometric deviation 1.2"
-    assert page.factors(outcome)[0]["kind"] == "normal: 1.167 Hz, 0.2 Hz"
+    rate, _, bend = tables.factors(outcome)
+    assert bend["targets"] == "wall.bending_stiffness (multiplied)"
+    assert bend["kind"] == "log-normal: median x 1, geometric standard deviation 1.2"
+    assert rate["kind"] == "normal: mean 70 1/min, standard deviation 12 1/min; from 45 1/min to 110 1/min"
 
 
 def test_numbers_that_json_has_not():

@@ -11,7 +11,7 @@ import pytest
 from tests.study.patients import SCENARIO, STUDY, study_file
 from twin.errors import SimulationError, TwinError
 from twin.study import load_study
-from twin.study.answers import page, plots, write_report
+from twin.study.answers import page, plots, tables, write_report
 from twin.study.execution import manifest, study_runner
 from twin.study.execution.case_engine import Row
 from twin.study.execution.case_table import CaseTable
@@ -228,7 +228,10 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
     assert "lost" in last
     assert rows[-4:] == [
         "Factor Variables Distribution Drawn Source",
-        *(" ".join(one[key] for key in ("name", "targets", "kind", "span", "source")) for one in page.factors(outcome)),
+        *(
+            " ".join(one[key] for key in ("name", "targets", "kind", "span", "source"))
+            for one in tables.factors(outcome)
+        ),
     ]
     svgs = re.findall("<svg>(.*?)</svg>", text)
     assert svgs == [
@@ -275,4 +278,4 @@ vary: {heart.rate: {values: [60 /min, 90 /min], source: assumed}}
     study = loaded(tmp_path, text)
     answers = page.Answers(outcome_of(study, tmp_path, (0.01, 0.02, 0.03)).cases)
     assert page.tornados(answers) == [("force_max", "[force_max]"), ("motion", "[motion]")]
-    assert drawn == [(2, unit, ["heart.rate 1 Hz", "heart.rate 1.5 Hz"]) for unit in ("mN", "mm")]
+    assert drawn == [(2, unit, ["heart.rate 60 1/min", "heart.rate 90 1/min"]) for unit in ("mN", "mm")]

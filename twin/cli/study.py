@@ -269,9 +269,11 @@ def show_search(outcome: StudyOutcome, answers: Answers, console: Console) -> No
     worst, tuned, keys = outcome.worst, outcome.tuned, outcome.study.keys.tune
     if worst is not None:
         value = answers.metric(worst.metric, worst.value) if math.isfinite(worst.value) else "has no value"
-        console.print(
-            f"worst: {worst.metric} of {worst.variant} {value} in case {worst.number}; "
-            f"worst random case {answers.metric(worst.metric, worst.sampled)}{worst.remark}"
+        inputs = zip(outcome.study.factors, worst.values, strict=True)
+        factors = ", ".join(f"{factor.name} {factor.shown(number)}" for factor, number in inputs)
+        show_text(
+            f"Worst {worst.metric} with {worst.variant} that the search found: {value} in case {worst.number} ({factors}); "
+            f"worst random case: {answers.metric(worst.metric, worst.sampled)}{worst.remark}."
         )
     if tuned is None or keys is None:
         return

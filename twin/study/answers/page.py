@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin import clock
-from twin.results import format_value, si_conversion, write_text
+from twin.results import write_text
 from twin.study.answers import plots, tables
 from twin.study.answers.headline import Sentence, headline, holm_note, lowest_pass_rate
 from twin.study.answers.paired import MIN_SAMPLES
@@ -89,7 +88,7 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
         examples=EXAMPLES,
         least=MIN_SAMPLES,
         metrics=metrics,
-        factors=factors(outcome),
+        factors=tables.factors(outcome),
         worst=worst(outcome, answers),
         tuned=tuned(outcome, answers),
         pictures=pictures(outcome, answers),
@@ -126,36 +125,6 @@ def linked(sentence: Sentence, named: Callable[[int], str]) -> str:
     """Return a sentence as HTML, with a link to its case."""
     text, number = html_escape(sentence.text), sentence.case
     return text if number is None else text.replace(f"case {number}", f"case {named(number)}")
-
-
-def factors(outcome: StudyOutcome) -> list[dict[str, str]]:
-    """What varies, as the table shows it."""
-    values = outcome.cases.values
-    rows = []
-    for k, factor in enumerate(outcome.study.all_factors):
-        own = values[np.isfinite(values[:, k]), k]
-        span = f"{factor.shown(own.min())} to {factor.shown(own.max())}" if len(own) else "-"
-        kind = factor.distribution.kind.replace("_", "-")
-        numbers = ", ".join(factor.shown(x) for x in factor.distribution.numbers[:8])
-        if kind == "normal":  # a deviation is a difference: of 26.85 degC one of 2 K is no -271.1 degC
-            mean, deviation = factor.distribution.numbers
-            width = deviation * si_conversion(factor.unit, is_difference=True)[0]
-            shown_width = format_value(width, factor.display_unit or factor.unit, is_difference=True)
-            numbers = f"{factor.shown(mean)}, {shown_width}"
-        if kind == "log-normal":
-            numbers = f"median {factor.shown(factor.distribution.numbers[0])}, geometric deviation {factor.distribution.numbers[1]:g}"
-        targets = ", ".join(factor.sets) or f"{', '.join(factor.scales)} (multiplied)"
-        targets += f" at {clock.text(factor.at_ns)}" if factor.at_ns is not None else ""
-        rows.append(
-            {
-                "name": factor.name,
-                "targets": targets,
-                "kind": f"{kind}: {numbers}",
-                "span": span,
-                "source": factor.source,
-            }
-        )
-    return rows
 
 
 def pictures(outcome: StudyOutcome, answers: Answers) -> dict[str, list[tuple[str, str, str]]]:

@@ -36,11 +36,11 @@ def parallel(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
     is_bad = failing(cases)
     failed = [i for i in case_indices if is_bad[i]]
     shown = sorted(set(case_indices[::every]) | set(failed[:LINES]))
-    own, axes_of = cases.values, [(factor.name, k, 1.0, factor.unit) for k, factor in enumerate(study.factors)]
-    columns = [own[shown, k] for _, k, _, _ in axes_of]
-    factor, offset = si_conversion(unit)
-    columns.append((cases.metric(metric)[shown] - offset) / factor)
-    labels = [(name, axis_unit) for name, _, _, axis_unit in axes_of] + [(metric, unit)]
+    own = cases.values
+    columns = [factor.in_shown_unit(own[shown, k]) for k, factor in enumerate(study.factors)]
+    scale, offset = si_conversion(unit)
+    columns.append((cases.metric(metric)[shown] - offset) / scale)
+    labels = [(factor.name, factor.shown_unit) for factor in study.factors] + [(metric, unit)]
     bad = set(failed)
 
     def paint(grid: Any) -> None:
@@ -74,7 +74,7 @@ def parallel(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
 
 def scatter(cases: CaseTable, metric: str, variant: str, factor: int, unit: str) -> str:
     """Each case a point, linked to it: a metric over a factor, by its number; those that fail in red."""
-    study, own = cases.study, cases.where(SAMPLED, variant)
+    study, own, varied = cases.study, cases.where(SAMPLED, variant), cases.study.factors[factor]
     is_bad = failing(cases)
     scale, offset = si_conversion(unit)
     values = (cases.metric(metric) - offset) / scale
@@ -87,13 +87,12 @@ def scatter(cases: CaseTable, metric: str, variant: str, factor: int, unit: str)
         for kind, every in cases_by_verdict.items():
             case_indices = every[:: max(1, -(-len(every) // LINES))]
             color, alpha = (BAD, 0.8) if kind else (GOOD, 0.5)
-            points = axis.scatter(
-                cases.values[case_indices, factor], values[case_indices], s=22, color=color, alpha=alpha, linewidths=0
-            )
+            inputs = varied.in_shown_unit(cases.values[case_indices, factor])
+            points = axis.scatter(inputs, values[case_indices], s=22, color=color, alpha=alpha, linewidths=0)
             points.set_urls([f"#case-{cases.requests[i].number}" for i in case_indices])
         for limit in limits_of(study, variant, metric):
             axis.axhline((limit - offset) / scale, color=BAD, linewidth=1.0, linestyle=(0, (2, 1.5)))
-        axis.set_xlabel(plotting.axis_label(study.factors[factor].name, study.factors[factor].unit))
+        axis.set_xlabel(plotting.axis_label(varied.name, varied.shown_unit))
         axis.set_ylabel(plotting.axis_label(metric, unit))
 
     return figure_files.render_svg((9.2, 3.4), f"scatter {metric} {variant}", paint)

@@ -76,10 +76,13 @@ class Answers:
 
     def change(self, change: Change) -> str:
         """`sleeve.friction_coefficient 0.2`, `friction x 2`."""
-        (factor,) = (f for f in self.study.factors if f.name == change.factor)
-        value = f"x {change.value:g}" if factor.scales else factor.shown(change.value)
         several = len(self.study.variants) > 1
+        value = self.factor_value(change.factor, change.value)
         return f"{change.factor} {value}" + (f", {change.variant}" if several else "")
+
+    def factor_value(self, name: str, value: float) -> str:
+        """Format a value of a factor with the unit that the study file states."""
+        return next(factor.shown(value) for factor in self.study.factors if factor.name == name)
 
     def plain(self) -> dict[str, Any]:
         """For a file: SI, nothing that is no number."""

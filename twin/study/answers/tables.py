@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.results import si_conversion
+from twin import clock
+from twin.results import format_value, si_conversion
 from twin.study.answers.summary import percent
 from twin.study.execution.case_engine import DONE
 
@@ -15,9 +16,13 @@ if TYPE_CHECKING:
 
     from twin.study.answers.statistics import MetricDistribution
     from twin.study.answers.summary import Answers
+    from twin.study.design import Factor
+    from twin.study.execution.study_runner import StudyOutcome
 
 ALL = 200  # cases of a study that is shown in whole
 MOST = 200  # cases of a larger one: those that the page names, then others that fail
+
+MAX_VALUES = 8  # of a factor, that are named
 
 
 def cell(text: str = "", value: float = float("nan"), kind: str = "", more: str = "") -> dict[str, Any]:
@@ -115,3 +120,44 @@ def singles(answers: Answers, numbers: Iterable[int], runs: dict[int, str]) -> d
             }
         )
     return {"columns": columns(answers), "rows": rows, "of": len(cases.rows)}
+
+
+def factors(outcome: StudyOutcome) -> list[dict[str, str]]:
+    """A row for each factor: variables, distribution in words, range of the samples, source."""
+    values = outcome.cases.values
+    rows = []
+    for k, factor in enumerate(outcome.study.all_factors):
+        own = values[np.isfinite(values[:, k]), k]
+        targets = ", ".join(factor.sets) or f"{', '.join(factor.scales)} (multiplied)"
+        targets += f" at {clock.text(factor.at_ns)}" if factor.at_ns is not None else ""
+        span = f"{factor.shown(own.min())} to {factor.shown(own.max())}" if len(own) else "-"
+        rows.append(
+            {
+                "name": factor.name,
+                "targets": targets,
+                "kind": distribution_text(factor),
+                "span": span,
+                "source": factor.source,
+            }
+        )
+    return rows
+
+
+def distribution_text(factor: Factor) -> str:
+    """Return `normal: mean 75 /min, standard deviation 13 /min; from 48 /min to 120 /min`."""
+    own = factor.distribution
+    if own.kind == "values":
+        shown = [factor.shown(value) for value in own.numbers]
+        more = f" and {len(shown) - MAX_VALUES} more" if len(shown) > MAX_VALUES else ""
+        return f"equally likely: {', '.join(shown[:MAX_VALUES])}{more}"
+    first, second = own.numbers
+    if own.kind == "normal":  # a deviation is a difference: of 26.85 degC one of 2 K is no -271.1 degC
+        unit = factor.display_unit or factor.unit
+        width = second * si_conversion(factor.unit, is_difference=True)[0]
+        text = f"mean {factor.shown(first)}, standard deviation {format_value(width, unit, is_difference=True)}"
+    elif own.kind == "log_normal":
+        text = f"median {factor.shown(first)}, geometric standard deviation {second:g}"
+    else:
+        text = f"from {factor.shown(first)} to {factor.shown(second)}"
+    ends = [f"{word} {factor.shown(end)}" for word, end in (("from", own.low), ("to", own.high)) if np.isfinite(end)]
+    return f"{own.kind.replace('_', '-')}: {text}{'; ' * bool(ends)}{' '.join(ends)}"
