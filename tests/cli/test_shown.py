@@ -171,11 +171,11 @@ def study_outcome():
     knob = SimpleNamespace(factor=SimpleNamespace(name="gain", shown=lambda value: f"{value:g} 1/s"))
     keys = SimpleNamespace(quantiles=(0.5, 0.95), confidence=0.95, tune=SimpleNamespace(metric="force", of="worst"))
     outcome = SimpleNamespace(
-        study=SimpleNamespace(title="Study", keys=keys, knobs=[knob], factors=[knob.factor]),
+        study=SimpleNamespace(title="Study", keys=keys, knobs=[knob]),
         cases=SimpleNamespace(rows=[0] * 30),
         before=10,
         seconds=4.0,
-        worst=SimpleNamespace(metric="force", variant="PI", value=9.0, values=[5.0], number=3, sampled=7.0, remark=""),
+        worst=SimpleNamespace(metric="force", variant="PI", value=9.0, number=3, sampled=7.0, remark=""),
         tuned=SimpleNamespace(
             best=SimpleNamespace(knobs=[2.0]),
             trials=[0] * 5,
@@ -192,9 +192,9 @@ def test_results_of_a_study(capsys, monkeypatch):
         monkeypatch,
         "twin.study",
         percent="{:.0%}".format,
-        headline=lambda _: [SimpleNamespace(text="A sentence.", case=9)],
+        headline=lambda *_: [SimpleNamespace(text="A sentence.", case=9)],
     )
-    study.show(outcome, answers)
+    assert study.show(outcome, answers) == 9
     first = rows(capsys.readouterr().out)
     answers.changes, answers.shares, answers.clusters = ([SimpleNamespace(metric="force", before=1.0, now=2.0)], [], [])
     answers.change = lambda change: "rate up"
@@ -205,10 +205,9 @@ def test_results_of_a_study(capsys, monkeypatch):
         ["Study"],
         ["metric", "variant", "50%", "95%", "largest in case"],
         ["force", "PI", "force 1", "force 2", "17"],
-        ["expectation", "variant", "pass rate", "95% interval"],
+        ["expectation", "variant", "pass rate", "95% confidence"],
         ["safe", "PI", "85%", "80 to 90 %"],
-        ["fails: safe (PI): 2 cases, rate high, noise low, e.g. 5"],
-        ["Worst force with PI that the search found: force 9 in case 3 (gain 5 1/s); worst random case: force 7."],
+        ["fails: safe (PI): 2 cases, rate high, noise low, such as case 5"],
         ["tuned: gain 2 1/s; worst of force on unseen samples force 3, with the scenario's values force 4"],
         ["A sentence."],
     ]

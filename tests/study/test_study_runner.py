@@ -214,7 +214,7 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
     manifest.write(tmp_path, command="twin study patients.yaml", engine="3 processes", versions={"numpy": "9"})
     write_report(outcome)
     text = (tmp_path / page.PAGE).read_text()
-    assert re.findall("<b>([^<]*)</b><span>([^<]*)</span>", text) == [
+    assert re.findall("<div><b>([^<]*)</b><span>([^<]*)</span>", text) == [
         ("4", "cases"),
         ("6", "samples, latin hypercube"),
         ("1", "did not finish"),
@@ -222,12 +222,15 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
     ]
     rows = [cells(row) for row in re.findall("<tr.*?</tr>", text, re.DOTALL)]
     first, second, third, last = rows[-8:-4]
-    assert [one.split()[0] for one in (first, second, third, last)] == ["1", "2", "3", "4"]
-    assert second.endswith(f"gentle its run twin view {tmp_path}:2")
-    assert third.endswith(f"twin run --case {tmp_path}:3")
-    assert "lost" in last
+    assert [one.split()[0] for one in (first, second, third, last)] == ["2", "4", "1", "3"]  # failures first
+    assert first.startswith("2 report Copy gentle soft ")
+    assert f'data-command="twin view {tmp_path}:2"' in text
+    assert third.startswith("1 Copy pass plain ")
+    assert f'data-command="twin run --case {tmp_path}:3"' in text
+    assert "did not finish: lost" in second
+    assert (tmp_path / page.PAGE).read_text().count("navigator.clipboard.writeText") == 1
     assert rows[-4:] == [
-        "Factor Variables Distribution Drawn Source",
+        "Factor Variables Distribution Range in the cases Source",
         *(
             " ".join(one[key] for key in ("name", "targets", "kind", "span", "source"))
             for one in tables.factors(outcome)

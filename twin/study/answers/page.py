@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.results import write_text
-from twin.study.answers import plots, tables
-from twin.study.answers.headline import Sentence, headline, holm_note, lowest_pass_rate
+from twin.study.answers import clusters, plots, tables
+from twin.study.answers.headline import Sentence, headline, holm_note, lowest_pass_rate, worst_sentence
 from twin.study.answers.paired import MIN_SAMPLES
 from twin.study.answers.summary import Answers, cleaned, percent
 from twin.study.execution import case_table, manifest
@@ -37,6 +37,12 @@ TITLES = {
     "cases": "Cases",
     "factors": "Factors",
     "versions": "Versions",
+}
+EFFECT_NOTES = {
+    "sobol": "Sobol index: share of the metric's variance that a factor explains, alone (first order) or with its interactions "
+    "(total). Indices below 0 or above 1 come from too few samples.",
+    "morris": "Mean absolute effect: by how much the metric changes, on average, over the whole range of a factor.",
+    "rank": "Rank correlation (Spearman): 1 where the metric always grows with the factor, -1 where it always falls, 0 for no trend.",
 }
 
 
@@ -75,11 +81,16 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
     searched = [] if outcome.worst is None else [outcome.worst.number]
     listed = tables.named(answers, EXAMPLES, [*outcome.runs, *searched])
     metrics = {name: each.unit for name, each in answers.formats.items()}
+    sentences = headline(answers, outcome.worst)
+    named = [sentence.case for sentence in sentences if sentence.case is not None]
+    cases_to_open = dict.fromkeys([*named[:1], *searched])  # the worst of the samples, and of the search
     text: str = environment.get_template("study.html").render(
         outcome=outcome,
         study=study,
         answers=answers,
-        headline=[linked(sentence, link(set(listed))) for sentence in headline(answers)],
+        headline=[(sentence.topic, linked(sentence, link(set(listed)))) for sentence in sentences],
+        opened=[(n, tables.open_command(str(outcome.folder), n, outcome.runs)) for n in cases_to_open],
+        worst=linked(worst_sentence(answers, outcome.worst), link(set(listed))) if outcome.worst else "",
         badge=lowest_pass_rate(answers),
         holm_note=holm_note(answers),
         percent=percent,
@@ -87,16 +98,17 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
         link=link(set(listed)),
         examples=EXAMPLES,
         least=MIN_SAMPLES,
+        fewest=clusters.FEWEST,
+        effect_notes=EFFECT_NOTES,
         metrics=metrics,
         factors=tables.factors(outcome),
-        worst=worst(outcome, answers),
         tuned=tuned(outcome, answers),
         pictures=pictures(outcome, answers),
         told=manifest.read(outcome.folder),
         tornados=tornados(answers),
         titles=TITLES,
         variants=tables.variants(answers),
-        cases=tables.singles(answers, listed, outcome.runs),
+        cases=tables.singles(outcome, answers, listed),
         drivers=together(
             (driver.metric, driver, plots.effects(driver, metrics[driver.metric])) for driver in answers.drivers
         ),
@@ -141,10 +153,10 @@ def pictures(outcome: StudyOutcome, answers: Answers) -> dict[str, list[tuple[st
 
     for index, name in enumerate(study.bands):
         if (outcome.folder / case_table.BANDS).exists():
-            note = "median, quarters, 5 to 95 %, ends; red: beyond what is expected"
+            note = "line: median; areas: middle 50 % and 90 % of the cases, smallest to largest; red: beyond a limit"
             add("Over time", f"{name} over time", note, plots.bands(outcome.folder, cases, name, index))
     if study.design.method != "one_at_a_time":
-        note = f"dotted: {', '.join(map(percent, study.keys.quantiles))}; red: cases in which anything fails"
+        note = f"dotted: quantiles {', '.join(map(percent, study.keys.quantiles))}; dashed: limit; red: cases in which anything fails"
         for spread in first_of(answers):
             add(spread.metric, "Distribution", note, plots.histograms(cases, spread.metric, unit(spread.metric)))
     if study.design.method not in ("one_at_a_time", "grid") and study.factors:
@@ -153,11 +165,11 @@ def pictures(outcome: StudyOutcome, answers: Answers) -> dict[str, list[tuple[st
                 if any(item.metric == spread.metric and item.variant == variant for item in answers.spreads):
                     k = strongest(answers, spread.metric, variant)
                     title = f"{variant}, over {study.factors[k].name}"
-                    note = "a case a point; red: something fails. Click: the case"
+                    note = "a point is a case; red: something fails in it. Click a point to open its case"
                     add(
                         spread.metric, title, note, plots.scatter(cases, spread.metric, variant, k, unit(spread.metric))
                     )
-                    note = "a case a line; red: something fails. Click: the case"
+                    note = "a line is a case, from its factors to the metric; red: something fails in it. Click a line to open its case"
                     add(
                         spread.metric,
                         f"{variant}, over all factors",
@@ -192,26 +204,6 @@ def tornados(answers: Answers) -> list[tuple[str, str]]:
         unit = answers.formats[name].unit
         figures.append((name, plots.tornado(own, unit, name, [answers.change(change) for change in own])))
     return figures
-
-
-def worst(outcome: StudyOutcome, answers: Answers) -> dict[str, Any] | None:
-    """What the search for the worst case found."""
-    worst_case = outcome.worst
-    if worst_case is None:
-        return None
-    own = zip(outcome.study.factors, worst_case.values, strict=True)
-    return {
-        "metric": worst_case.metric,
-        "variant": worst_case.variant,
-        "value": answers.metric(worst_case.metric, worst_case.value)
-        if np.isfinite(worst_case.value)
-        else "no value: the case failed",
-        "sampled": answers.metric(worst_case.metric, worst_case.sampled),
-        "remark": worst_case.remark,
-        "number": worst_case.number,
-        "evaluations": worst_case.evaluations,
-        "values": [(factor.name, factor.shown(value)) for factor, value in own],
-    }
 
 
 def tuned(outcome: StudyOutcome, answers: Answers) -> dict[str, Any] | None:
