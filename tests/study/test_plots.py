@@ -235,8 +235,11 @@ def test_bars_of_what_drives_a_metric(drawn):
     assert bars(axis) == [[(-0.2, 0.6), (0.8, 0.2)], [(0.2, 0.7), (1.2, 0.3)]]
     assert labels(axis) == ["rate", "scale"]
     assert axis.yaxis_inverted()
-    assert axis.get_xlabel() == "part of the variance of force"
-    assert [one.get_text() for one in axis.get_legend().get_texts()] == ["first order", "total"]
+    assert axis.get_xlabel() == "share of the variance of force"
+    assert [one.get_text() for one in axis.get_legend().get_texts()] == [
+        "alone (first order)",
+        "with interactions (total)",
+    ]
     (axis,) = plots.effects(
         MetricSensitivity("force", "plain", "morris", (Effect("rate", 0.004, (0.003, 0.005)),)), "mN"
     )

@@ -68,13 +68,15 @@ def pass_sentences(answers: Answers) -> list[Sentence]:
         closest = f"; closest to its limit: case {worst.number}, {worst.text}" if worst else ""
         text = f"{expectations.capitalize()} in each of {count} cases{closest}."
         return [Sentence(text, worst.number if worst else None)]
-    sentences = []
+    is_sampled, sentences = answers.study.design.method not in ("one_at_a_time", "grid"), list[Sentence]()
     for rate in missed[:MAX_SENTENCES]:
         is_order = rate.variant not in answers.study.variants
         variant = f" {'for' if is_order else 'with'} {rate.variant}" if len(answers.study.variants) > 1 else ""
         share = percent(rate.part)
         if interval := answers.interval(rate):
             share += f"; {percent(answers.study.keys.confidence)} confidence interval {interval}"
+        elif is_sampled and not sentences:
+            share += "; no confidence interval, the cases are not independent samples"
         unit = "samples" if is_order else "cases"
         text = f"{rate.met_count} of {rate.count} {unit} ({share}) pass {rate.name!r}{variant}"
         worst = worst_case(answers, rate)

@@ -10,14 +10,22 @@ import numpy as np
 
 from twin.results import write_text
 from twin.study.answers import clusters, plots, tables
-from twin.study.answers.headline import Sentence, headline, holm_note, lowest_pass_rate, worst_sentence
+from twin.study.answers.headline import (
+    Sentence,
+    headline,
+    holm_note,
+    judged_metrics,
+    lowest_pass_rate,
+    worst_sentence,
+)
 from twin.study.answers.paired import MIN_SAMPLES
 from twin.study.answers.summary import Answers, cleaned, percent
+from twin.study.design import SAMPLED
 from twin.study.execution import case_table, manifest
 from twin.web import report_templates
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Sequence
 
     from twin.study.execution.study_runner import StudyOutcome
 
@@ -78,12 +86,12 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
     """The page as text."""
     environment = report_templates("twin.study")
     study = outcome.study
-    searched = [] if outcome.worst is None else [outcome.worst.number]
-    listed = tables.named(answers, EXAMPLES, [*outcome.runs, *searched])
+    search_results = [] if outcome.worst is None else [outcome.worst.number]
+    listed = tables.named(answers, EXAMPLES, [*outcome.runs, *search_results])
     metrics = {name: each.unit for name, each in answers.formats.items()}
     sentences = headline(answers, outcome.worst)
     named = [sentence.case for sentence in sentences if sentence.case is not None]
-    cases_to_open = dict.fromkeys([*named[:1], *searched])  # the worst of the samples, and of the search
+    cases_to_open = dict.fromkeys([*named[:1], *search_results])  # the worst of the samples, and of the search
     text: str = environment.get_template("study.html").render(
         outcome=outcome,
         study=study,
@@ -98,6 +106,7 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
         link=link(set(listed)),
         examples=EXAMPLES,
         least=MIN_SAMPLES,
+        searched=len(outcome.cases.rows) - len(outcome.cases.where(SAMPLED)),
         fewest=clusters.FEWEST,
         effect_notes=EFFECT_NOTES,
         metrics=metrics,
@@ -110,7 +119,8 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
         variants=tables.variants(answers),
         cases=tables.singles(outcome, answers, listed),
         drivers=together(
-            (driver.metric, driver, plots.effects(driver, metrics[driver.metric])) for driver in answers.drivers
+            (driver.metric, driver, plots.effects(driver, metrics[driver.metric]))
+            for driver in judged_first(answers, answers.drivers)
         ),
     )
     return text
@@ -192,8 +202,15 @@ def strongest(answers: Answers, metric: str, variant: str) -> int:
 
 
 def first_of(answers: Answers) -> list[Any]:
-    """One spread of each metric."""
-    return list({spread.metric: spread for spread in answers.spreads}.values())
+    """One spread of each metric, those of judged metrics first."""
+    return judged_first(answers, list({spread.metric: spread for spread in answers.spreads}.values()))
+
+
+def judged_first(answers: Answers, entries: Sequence[Any]) -> list[Any]:
+    """Return what has a `metric`: first the metrics of expectations, of these the lowest pass rates first."""
+    judged = judged_metrics(answers)
+    ranks = {name: rank for rank, name in enumerate(judged)}
+    return sorted(entries, key=lambda entry: ranks.get(entry.metric, len(judged)))
 
 
 def tornados(answers: Answers) -> list[tuple[str, str]]:

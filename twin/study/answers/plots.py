@@ -231,12 +231,12 @@ def effects(metric_sensitivity: MetricSensitivity, unit: str) -> str:
     """Bars of what drives a metric, with their intervals; `unit`: the metric's."""
     names = [effect.factor for effect in metric_sensitivity.effects]
     kinds = {
-        "sobol": [("first order", "first"), ("total", "total")],
+        "sobol": [("alone (first order)", "first"), ("with interactions (total)", "total")],
         "morris": [("", "first")],
         "rank": [("", "first")],
     }[metric_sensitivity.kind]
     quantity = {
-        "sobol": f"part of the variance of {metric_sensitivity.metric}",
+        "sobol": f"share of the variance of {metric_sensitivity.metric}",
         "morris": plotting.axis_label(f"mean absolute effect on {metric_sensitivity.metric}", unit),
         "rank": f"rank correlation with {metric_sensitivity.metric}",
     }[metric_sensitivity.kind]
