@@ -277,7 +277,7 @@ def test_the_way_of_a_tuning(drawn):
     assert bad.get_ydata()[0] == pytest.approx(10.0)
     assert np.isnan(bad.get_ydata()[1])
     assert own.get_ydata()[0] == pytest.approx(10.0)
-    assert axis.get_ylim()[1] == pytest.approx(11.0)  # room above the scenario's own
+    assert axis.get_ylim() == pytest.approx((5.6, 10.4))  # room for the points at both ends
 
 
 def test_the_table_of_variants_has_medians_and_pass_rates(tmp_path):
@@ -354,8 +354,8 @@ def test_changes_are_from_the_mean_of_the_first_sample(tmp_path):
     answers = Answers(cases)
     assert [answers.change(one) for one in (found[2], found[4])] == ["heart.rate 90 1/min", "bent end x 2"]
     assert answers.interval(answers.shares[0]) == ""  # no sample of anything
-    (first, *_) = [one for one in page.headline(answers) if "changes force_max" in one.text]
-    assert first.text == "bent end x 2 changes force_max most, from 20 mN to 80 mN (case 8)."
+    (first, *_) = [one for one in page.headline(answers) if "force_max changes" in one.text]
+    assert first.text == "force_max changes most with bent end x 2, from 20 mN to 80 mN (case 8)."
     assert first.case == 8
 
 
@@ -381,12 +381,14 @@ def test_sections_of_searches(tmp_path, drawn):
         ("best, unseen samples", ["50 mm"], "85 mN", "kept"),
     ]
     assert (found["title"], found["trials"], found["knobs"]) == ("95 % quantile of force_max", 2, ["wall.free_length"])
-    searched = next(one for one in page.headline(answers, worst) if one.topic == "Worst case")
+    searched = next(one for one in page.headline(answers, worst, tuned) if one.topic == "Worst case")
     assert searched.text == (
         "A search in 48 cases found the worst force_max with plain in case 7: 120 mN (heart.rate 90 1/min, heart.scale 1.2, "
         "bent end x 1); worst of the random samples: 100 mN."
     )
     assert searched.case == 7
+    chosen = "The tuning chose wall.free_length 50 mm: 95 % quantile of force_max on unseen samples 85 mN, with the scenario's values 100 mN."
+    assert chosen in [one.text for one in page.headline(answers, worst, tuned)]
     told = page.searched(outcome)
     assert told["worst"]["values"] == [1.5, 1.2, 1.0]
     assert told["tuned"]["best"]["objective"] == 0.08
@@ -394,6 +396,8 @@ def test_sections_of_searches(tmp_path, drawn):
     assert [len(told["tuned"][name]) for name in ("unseen", "trials")] == [2, 2]
     nothing = SimpleNamespace(study=study, worst=None, tuned=None)
     assert (page.tuned(nothing, answers), page.searched(nothing)) == (None, {})
+    failed = page.headline(answers, None, Tuned(trials[:1], None, tuned.unseen[:1], 9))
+    assert "None of 1 trials of the tuning meets the limits." in [one.text for one in failed]
     none_good = SimpleNamespace(study=study, worst=None, tuned=Tuned(trials[:1], None, tuned.unseen[:1], 9))
     assert [row["name"] for row in page.tuned(none_good, answers)["rows"]] == [
         "as in the scenario",

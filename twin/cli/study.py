@@ -194,7 +194,7 @@ def show(outcome: StudyOutcome, answers: Answers) -> int | None:
         show_distributions(outcome, answers, console)
     if answers.shares:
         show_pass_rates(outcome, answers, console)
-    sentences = headline(answers, outcome.worst)
+    sentences = headline(answers, outcome.worst, outcome.tuned)
     named = {sentence.case for sentence in sentences}
     for cluster in answers.clusters[:MAX_FAILURES]:
         if not named.isdisjoint(cluster.cases) and not cluster.factors:
@@ -205,7 +205,6 @@ def show(outcome: StudyOutcome, answers: Answers) -> int | None:
             f"fails: {cluster.what} ({cluster.variant}): {number} case{'s' * (number > 1)}{f', {factors}' if factors else ''}, "
             f"such as case {cluster.cases[0]}"
         )
-    show_tuning(outcome, answers, console)
     for sentence in sentences:
         show_text(sentence.text.replace(" %", f"{NO_BREAK_SPACE}%"))
     return next((sentence.case for sentence in sentences if sentence.case is not None), None)
@@ -271,21 +270,3 @@ def show_changes(answers: Answers, console: Console) -> None:
         before, after = (answers.metric(change.metric, value) for value in (change.before, change.now))
         table.add_row(answers.change(change), change.metric, before, after)
     console.print(table)
-
-
-def show_tuning(outcome: StudyOutcome, answers: Answers, console: Console) -> None:
-    """Print the result of tuning."""
-    tuned, keys = outcome.tuned, outcome.study.keys.tune
-    if tuned is None or keys is None:
-        return
-    if tuned.best is None:
-        console.print(f"tuned: none of {len(tuned.trials)} trials meets the limits")
-        return
-    values = ", ".join(
-        f"{knob.factor.name} {knob.factor.shown(value)}"
-        for knob, value in zip(outcome.study.knobs, tuned.best.knobs, strict=True)
-    )
-    own, best = (answers.metric(keys.metric, trial.objective) for trial in tuned.unseen)
-    console.print(
-        f"tuned: {values}; {keys.of} of {keys.metric} on unseen samples {best}, with the scenario's values {own}"
-    )

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from twin.study.answers.sensitivity import Effect, MetricSensitivity
     from twin.study.answers.statistics import PassRate
     from twin.study.answers.summary import Answers
+    from twin.study.design.keys import TuneKeys
+    from twin.study.execution.tuning import Tuned
     from twin.study.execution.worst_case_search import WorstCase
 
 MAX_SENTENCES = 3  # of a kind
@@ -43,11 +45,12 @@ class Sentence:
     topic: str = ""
 
 
-def headline(answers: Answers, worst: WorstCase | None = None) -> list[Sentence]:
-    """Return the sentences, the most important first. `worst`: the result of a search."""
+def headline(answers: Answers, worst: WorstCase | None = None, tuned: Tuned | None = None) -> list[Sentence]:
+    """Return the sentences, the most important first. `worst`, `tuned`: results of searches."""
     topics = {
         "Pass rate": [*pass_sentences(answers), *few_sentences(answers)],
         "Worst case": [] if worst is None else [worst_sentence(answers, worst)],
+        "Tuning": [] if tuned is None else [tuning_sentence(answers, tuned)],
         "Comparison": pair_sentences(answers),
         "Causes": [*cause_sentences(answers), *change_sentences(answers)],
         "Not finished": failure_sentences(answers),
@@ -146,6 +149,24 @@ def worst_sentence(answers: Answers, worst: WorstCase) -> Sentence:
         f"{value} ({factors}); worst of the random samples: {random_case}{worst.remark}.",
         worst.number,
     )
+
+
+def tuning_sentence(answers: Answers, tuned: Tuned) -> Sentence:
+    """Return what the tuning chose, and its objective on samples that it did not see."""
+    study, keys = answers.study, answers.study.keys.tune
+    if tuned.best is None or keys is None:
+        return Sentence(f"None of {len(tuned.trials)} trials of the tuning meets the limits.")
+    knobs = zip(study.knobs, tuned.best.knobs, strict=True)
+    values = ", ".join(f"{knob.factor.name} {knob.factor.shown(value)}" for knob, value in knobs)
+    own, best = (answers.metric(keys.metric, trial.objective) for trial in tuned.unseen)
+    return Sentence(
+        f"The tuning chose {values}: {objective_name(keys)} on unseen samples {best}, with the scenario's values {own}."
+    )
+
+
+def objective_name(keys: TuneKeys) -> str:
+    """Return `95 % quantile of force_error_std`."""
+    return f"{f'{percent(keys.quantile)} quantile' if keys.of == 'quantile' else keys.of} of {keys.metric}"
 
 
 def pair_sentences(answers: Answers) -> list[Sentence]:
@@ -283,8 +304,10 @@ def change_sentences(answers: Answers) -> list[Sentence]:
         if finite:
             largest = max(finite, key=lambda change: abs(change.now - change.before))
             before, now = (answers.metric(metric, value) for value in (largest.before, largest.now))
-            text = f"{answers.change(largest)} changes {meaning(answers, metric)} most, from {before} to {now} (case {largest.number})."
-            sentences.append(Sentence(text, largest.number))
+            variant = f" with {largest.variant}" if len(answers.study.variants) > 1 else ""
+            factor = f"{largest.factor} {answers.factor_value(largest.factor, largest.value)}"
+            text = f"{meaning(answers, metric)}{variant} changes most with {factor}, from {before} to {now} (case {largest.number})."
+            sentences.append(sentence(text, largest.number))
     return sentences[:MAX_SENTENCES]
 
 

@@ -16,6 +16,7 @@ from twin.study.answers.headline import (
     holm_note,
     judged_metrics,
     lowest_pass_rate,
+    objective_name,
     worst_sentence,
 )
 from twin.study.answers.paired import MIN_SAMPLES
@@ -89,7 +90,7 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
     search_results = [] if outcome.worst is None else [outcome.worst.number]
     listed = tables.named(answers, EXAMPLES, [*outcome.runs, *search_results])
     metrics = {name: each.unit for name, each in answers.formats.items()}
-    sentences = headline(answers, outcome.worst)
+    sentences = headline(answers, outcome.worst, outcome.tuned)
     named = [sentence.case for sentence in sentences if sentence.case is not None]
     cases_to_open = dict.fromkeys([*named[:1], *search_results])  # the worst of the samples, and of the search
     text: str = environment.get_template("study.html").render(
@@ -228,8 +229,7 @@ def tuned(outcome: StudyOutcome, answers: Answers) -> dict[str, Any] | None:
     own, keys = outcome.tuned, outcome.study.keys.tune
     if own is None or keys is None:
         return None
-    unit = outcome.study.scenario.metrics[keys.metric].unit
-    what = f"{percent(keys.quantile)} quantile" if keys.of == "quantile" else keys.of
+    title = objective_name(keys)
     rows = []
     names = [("as in the scenario", own.trials[0]), ("best", own.best)]
     names += [
@@ -249,10 +249,10 @@ def tuned(outcome: StudyOutcome, answers: Answers) -> dict[str, Any] | None:
         value = answers.metric(keys.metric, entry.objective)
         rows.append({"name": name, "knobs": knobs, "objective": value, "limits": limits})
     return {
-        "title": f"{what} of {keys.metric}",
+        "title": title,
         "knobs": [k.factor.name for k in outcome.study.knobs],
         "rows": rows,
         "trials": len(own.trials),
-        "way": plots.tuning_history(own, unit, f"{what} of {keys.metric}"),
+        "way": plots.tuning_history(own, answers.formats[keys.metric].unit, title),
         "limits": [limit.text for limit in outcome.study.limits],
     }

@@ -310,8 +310,10 @@ def tuning_history(tuned: Tuned, unit: str, name: str) -> str:
         axis.plot(trial_indices[~good], shown[~good], "x", color=BAD, markersize=4, label="breaks one")
         axis.axhline(shown[0], color="#52606d", linewidth=0.8, linestyle=":", label="as in the scenario")
         if good.any():
-            top = np.nanquantile(shown, 0.9)
-            axis.set_ylim(None, max(top, shown[0]) * 1.1 if top > 0 else None)
+            low, high = np.nanmin(shown), max(np.nanquantile(shown, 0.9), shown[0])
+            margin = 0.1 * ((high - low) or abs(high) or 1.0)
+            axis.set_ylim(low - margin, high + margin)
+        axis.xaxis.get_major_locator().set_params(integer=True)
         axis.set_xlabel("trial")
         axis.set_ylabel(plotting.axis_label(name, unit))
         axis.legend(frameon=False, fontsize=8)
