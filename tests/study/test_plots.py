@@ -278,6 +278,9 @@ def test_the_way_of_a_tuning(drawn):
     assert np.isnan(bad.get_ydata()[1])
     assert own.get_ydata()[0] == pytest.approx(10.0)
     assert axis.get_ylim() == pytest.approx((5.6, 10.4))  # room for the points at both ends
+    trials = [Trial((1.0,), value, (-0.1,), "tune", i) for i, value in enumerate((0.01, 0.0101, 0.0102))]
+    (axis,) = plots.tuning_history(Tuned(trials, trials[0], [], 9), "mN", "max of force")
+    assert axis.get_ylim() == pytest.approx((9.98, 10.22))
 
 
 def test_the_table_of_variants_has_medians_and_pass_rates(tmp_path):

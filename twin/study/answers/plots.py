@@ -310,7 +310,8 @@ def tuning_history(tuned: Tuned, unit: str, name: str) -> str:
         axis.plot(trial_indices[~good], shown[~good], "x", color=BAD, markersize=4, label="breaks one")
         axis.axhline(shown[0], color="#52606d", linewidth=0.8, linestyle=":", label="as in the scenario")
         if good.any():
-            low, high = np.nanmin(shown), max(np.nanquantile(shown, 0.9), shown[0])
+            low, most = np.nanmin(shown), np.nanquantile(shown, 0.9)
+            high = max(min(np.nanmax(shown), low + 3.0 * (most - low)), shown[0])  # without far outliers
             margin = 0.1 * ((high - low) or abs(high) or 1.0)
             axis.set_ylim(low - margin, high + margin)
         axis.xaxis.get_major_locator().set_params(integer=True)
