@@ -62,7 +62,7 @@ def test_a_linked_row_is_marked_and_its_command_copied(browser, report):  # noqa
     assert marked != plain
     button = shown.locator("#case-3 button")
     button.click()
-    assert button.inner_text() == "Copied"
+    shown.locator("#case-3 button", has_text="Copied").wait_for()  # the clipboard is asynchronous
     assert shown.evaluate("navigator.clipboard.readText()") == f"twin run --case {report.parent}:3"
     numbers = [int(text.split()[0]) for text in shown.locator("#cases tbody td:first-child").all_inner_texts()]
     assert numbers[:8] == [3, 6, 9, 12, 15, 18, 21, 24]  # failures first
