@@ -168,55 +168,46 @@ def study_outcome():
             SimpleNamespace(what="fast", variant="PI", cases=[9], factors=[]),
         ],
     )
-    knob = SimpleNamespace(factor=SimpleNamespace(name="gain", shown=lambda value: f"{value:g} 1/s"))
-    keys = SimpleNamespace(quantiles=(0.5, 0.95), confidence=0.95, tune=SimpleNamespace(metric="force", of="worst"))
+    keys = SimpleNamespace(quantiles=(0.5, 0.95), confidence=0.95)
     outcome = SimpleNamespace(
-        study=SimpleNamespace(title="Study", keys=keys, knobs=[knob]),
+        study=SimpleNamespace(title="Study", keys=keys),
         cases=SimpleNamespace(rows=[0] * 30),
         before=10,
         seconds=4.0,
-        worst=SimpleNamespace(metric="force", variant="PI", value=9.0, number=3, sampled=7.0, remark=""),
-        tuned=SimpleNamespace(
-            best=SimpleNamespace(knobs=[2.0]),
-            trials=[0] * 5,
-            unseen=(SimpleNamespace(objective=4.0), SimpleNamespace(objective=3.0)),
-        ),
+        worst=None,
+        tuned=None,
     )
     return outcome, answers
 
 
 def test_results_of_a_study(capsys, monkeypatch):
-    """Distributions, pass rates, failures, the worst case and what tuning found; with changes, these instead."""
+    """Distributions, pass rates, failures and sentences; with changes, these instead of distributions."""
     outcome, answers = study_outcome()
     replace(
         monkeypatch,
         "twin.study",
         percent="{:.0%}".format,
-        headline=lambda _: [SimpleNamespace(text="A sentence.", case=9)],
+        headline=lambda *_: [SimpleNamespace(text="A sentence.", case=9)],
     )
-    study.show(outcome, answers)
+    assert study.show(outcome, answers) == 9
     first = rows(capsys.readouterr().out)
     answers.changes, answers.shares, answers.clusters = ([SimpleNamespace(metric="force", before=1.0, now=2.0)], [], [])
     answers.change = lambda change: "rate up"
-    outcome.worst, outcome.tuned.best, outcome.seconds = None, None, 0.0
     study.show(outcome, answers)
     second = rows(capsys.readouterr().out)
     assert first == [
         ["Study"],
         ["metric", "variant", "50%", "95%", "largest in case"],
         ["force", "PI", "force 1", "force 2", "17"],
-        ["expectation", "variant", "pass rate", "95% interval"],
+        ["expectation", "variant", "pass rate", "95% confidence"],
         ["safe", "PI", "85%", "80 to 90 %"],
-        ["fails: safe (PI): 2 cases, rate high, noise low, e.g. 5"],
-        ["worst: force of PI force 9 in case 3; worst random case force 7"],
-        ["tuned: gain 2 1/s; worst of force on unseen samples force 3, with the scenario's values force 4"],
+        ["fails: safe (PI): 2 cases, rate high, noise low, such as case 5"],
         ["A sentence."],
     ]
     assert second == [
         ["Study"],
         ["change", "metric", "from", "to"],
         ["rate up", "force", "force 1", "force 2"],
-        ["tuned: none of 5 trials meets the limits"],
         ["A sentence."],
     ]
 

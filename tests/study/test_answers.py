@@ -94,6 +94,42 @@ def test_morris_finds_the_slopes(tmp_path):
     assert effects == pytest.approx({"heart.rate": 3.0, "heart.scale": 1.0, "bent end": 0.0}, abs=1e-6)
 
 
+@every_case(("method", "count"), [("sensitivity", 16), ("morris", 10)])
+def test_cases_that_are_no_independent_samples_have_no_interval(tmp_path, method, count):
+    answers = Answers(made(tmp_path, method, count, lambda u: 4.0 * u[0]))
+    assert 0.0 < answers.shares[0].part < 1.0
+    assert answers.interval(answers.shares[0]) == ""
+    assert (
+        " %; no confidence interval, the cases are not independent samples) pass 'gentle'" in headline(answers)[0].text
+    )
+
+
+def test_sobol_indices_of_few_samples_support_no_statement(tmp_path):
+    answers = Answers(made(tmp_path, "sensitivity", 8, lambda u: 4.0 * u[0]))
+    sentences = [sentence.text for sentence in headline(answers)]
+    assert sentences[1:] == ["8 base samples support no statement about other cases or about causes: take at least 10."]
+
+
+def test_a_missed_metric_without_a_cause_is_said(tmp_path):
+    """Of `plain` some cases fail by chance; the force of `soft` grows with the heart's rate."""
+    generator = np.random.default_rng(4)
+    plain = generator.permutation(np.tile([0.07, 0.1], 10))
+    answers = paired(tmp_path, plain, plain, holds=lambda force: force < 0.09)
+    rates = [answers.cases.values[i, 0] for i in answers.cases.where("sample", "soft")]
+    rows = [
+        replace(row, metrics=(0.01 * rates[request.sample - 1], 0.0), holds=(True, None))
+        if request.variant == "soft"
+        else row
+        for request, row in zip(answers.cases.requests, answers.cases.rows, strict=True)
+    ]
+    answers = Answers(CaseTable(answers.study, answers.cases.requests, rows))
+    causes = [sentence.text for sentence in headline(answers) if sentence.topic == "Causes"]
+    assert causes == [
+        "force_max with plain fails in some cases; no factor's effect on it differs from chance.",
+        "force_max with soft correlates most with heart.rate (rank correlation 1.00, 95 % confidence interval 1.00 to 1.00).",
+    ]
+
+
 def test_failures_are_told_apart_by_what_makes_them(tmp_path):
     cases = made(tmp_path, "latin_hypercube", 200, lambda u: 3.0 * u[0] + 1.0 * u[1])
     answers = Answers(cases)
@@ -124,30 +160,43 @@ def test_the_headline_answers_in_words(tmp_path):
     cases = made(tmp_path, "latin_hypercube", 200, lambda u: 3.0 * u[0] + 1.0 * u[1])
     answers = Answers(cases)
     first, second = headline(answers)
-    number = answers.shares[0].failing[0]
+    forces = cases.metric("force_max")
+    number = cases.requests[int(np.argmax(forces))].number
     assert re.fullmatch(
-        rf"\S+ % \[\S+, \S+\] of the cases pass 'gentle'; one that fails is case {number}\.", first.text
+        rf"\d+ of 200 cases \(\S+ %; 95 % confidence interval \S+ % to \S+ %\) pass 'gentle'; "
+        rf"the worst is case {number}, where force_max is {1e3 * forces.max():.0f} mN, expected at most 90 mN\.",
+        first.text,
     )
     assert first.case == number
     assert re.fullmatch(
-        r"heart\.rate \(rho = 0\.9\d \[0\.9\d, 0\.9\d\]\) and heart\.scale \(rho = 0\.\d\d \[\S+, \S+\]\) correlate most "
-        r"with force_max\.",
+        r"force_max correlates most with heart\.rate \(rank correlation 0\.9\d, 95 % confidence interval 0\.9\d to 0\.9\d\) and "
+        r"heart\.scale \(rank correlation 0\.\d\d, 95 % confidence interval \S+ to \S+\)\.",
         second.text,
     )
     few = headline(Answers(made(tmp_path, "latin_hypercube", 8, lambda u: u[0])))
-    assert few[-1].text == "8 samples are too few to rank the factors."
+    assert [sentence.text for sentence in few[1:]] == [
+        "8 samples support no statement about other cases or about causes: take at least 10."
+    ]
+    assert [sentence.topic for sentence in headline(answers)] == ["Pass rate", "Causes"]
     assert lowest_pass_rate(answers) == ("warn", f"lowest pass rate {percent(answers.shares[0].part)}")
-    assert linked(first, lambda case: f"<a>{case}</a>").endswith(f"is case <a>{number}</a>.")
+    assert linked(first, lambda case: f"<a>{case}</a>").endswith(
+        f"is case <a>{number}</a>, where force_max is {1e3 * forces.max():.0f} mN, expected at most 90 mN."
+    )
 
 
 def test_the_headline_names_one_change_and_what_did_not_finish(tmp_path):
     cases = made(tmp_path, "latin_hypercube", 20, lambda u: u[0])
-    assert headline(Answers(cases))[0].text == "The expectation holds in each of 20 cases."
+    closest = cases.requests[int(np.argmax(cases.metric("force_max")))].number
+    first = headline(Answers(cases))[0]
+    assert first.text.startswith(
+        f"The expectation holds in each of 20 cases; closest to its limit: case {closest}, where "
+    )
+    assert first.case == closest
     assert lowest_pass_rate(Answers(cases)) == ("pass", "✓ every case passes")
     rows = [replace_row(one) if one.number == 7 else one for one in cases.rows]
     texts = [one.text for one in headline(Answers(CaseTable(cases.study, cases.requests, rows)))]
-    assert any(
-        text.startswith("95 % [76.4, 99.1] of the cases pass 'gentle'; one that fails is case 7") for text in texts
+    assert texts[0] == (
+        "19 of 20 cases (95 %; 95 % confidence interval 76.4 % to 99.1 %) pass 'gentle'; one that fails is case 7."
     )
     assert texts[-1] == "1 case did not finish."
 
@@ -173,8 +222,13 @@ def test_a_large_study_lists_the_cases_it_names_and_some_that_fail(tmp_path):
     listed = tables.named(answers, 12, [77])
     assert len(answers.shares[0].failing) <= len(listed) <= tables.MOST
     assert {77, *answers.shares[0].failing[:12], answers.spreads[0].most[0]} <= set(listed)
-    told = tables.singles(answers, listed, {77: "cases/x"})
-    assert [row["number"] for row in told["rows"]] == listed
+    outcome = SimpleNamespace(runs={77: "cases/x"}, folder="runs/a b/1")
+    told = tables.singles(outcome, answers, listed)
+    assert sorted(row["number"] for row in told["rows"]) == listed
+    is_bad = [bool(row["failed"]) for row in told["rows"]]
+    assert is_bad == sorted(is_bad, reverse=True)  # failures first
+    (kept,) = [row for row in told["rows"] if row["number"] == 77]
+    assert kept["command"] == "twin view 'runs/a b/1:77'"
     assert [row["run"] for row in told["rows"] if row["run"]] == ["cases/x"]
 
 
@@ -198,7 +252,7 @@ def test_the_command_runs_a_study_and_one_of_its_cases_again(tmp_path, build):
     assert page.count("<svg") >= 5
     failing = next(one["failing"] for one in told["expectations"] if one["failing"])
     row = re.search(rf'<tr id="case-{failing[0]}" class="bad">.*?</tr>', page, re.DOTALL)[0]
-    assert 'report.html">its run</a>' in row  # that one was kept
+    assert 'report.html">report</a>' in row  # that one was kept
     assert f'href="#case-{failing[0]}"' in page
     assert f"twin run --case {folder}:" in page
     sections = re.findall(r'<section id="(\w+)">', page)
@@ -250,15 +304,16 @@ def test_in_how_many_samples_an_order_of_variants_holds():
     assert in_order(cases, order) == (2, (21, 41), 4)
 
 
-def paired(tmp_path, first, second, method="latin_hypercube"):
+def paired(tmp_path, first, second, method="latin_hypercube", holds=lambda _: True):
     """The answers of a study in which these are `force_max` [N] of `plain` and `soft`, sample by sample."""
     text = STUDY.replace("{method: latin_hypercube, count: 6, seed: 3}", f"{{method: {method}, count: {len(first)}}}")
     study = load_study(study_file(tmp_path, text))
     requests = list(study.requests())
     values = dict(zip(study.variants, (first, second), strict=True))
     rows = [
-        Row(request.number, "done", "", (float(values[request.variant][request.sample - 1]), 0.0), (True, None))
+        Row(request.number, "done", "", (force, 0.0), (holds(force), None))
         for request in requests
+        for force in [float(values[request.variant][request.sample - 1])]
     ]
     return Answers(CaseTable(study, requests, rows))
 
@@ -278,20 +333,22 @@ def test_variants_are_compared_over_the_same_samples(tmp_path):
     half = 2.0 * delta.std(ddof=1) / np.sqrt(59)
     assert (pair.low, pair.high) == pytest.approx((delta.mean() - half, delta.mean() + half), abs=0.2 * half)
     texts = [sentence.text for sentence in headline(answers)]
-    pattern = rf"force_max is lower with soft than with plain in {pair.lower} of 59 samples, mean difference -\S+ mN \[-\S+, -\S+\]\."
+    pattern = rf"force_max is lower with soft than with plain in {pair.lower} of 59 samples, mean difference -\S+ mN \(95 % confidence interval -\S+ to -\S+\)\."
     assert any(re.fullmatch(pattern, text) for text in texts), texts
 
 
 def test_a_mean_difference_that_may_be_none_is_said(tmp_path):
     second = 0.3 + 0.01 * np.tile([1.0, -1.0], 10)
     text = headline(paired(tmp_path, np.full(20, 0.3), second))[1].text
-    assert text.endswith("in 10 of 20 samples, mean difference 0 mN [-4, 4], which may be none.")
+    assert text.endswith(
+        "in 10 of 20 samples, mean difference 0 mN (95 % confidence interval -4 to 4): it may be zero."
+    )
 
 
 def test_few_samples_and_equal_ones_are_said(tmp_path):
     few = paired(tmp_path, [0.1, 0.2, 0.3], [0.2, 0.3, 0.3])
     assert (
-        headline(few)[1].text
+        headline(few)[2].text
         == "force_max is higher with soft than with plain in 2 of 3 samples, mean difference 66.7 mN."
     )
     same = paired(tmp_path, [0.1] * 12, [0.1] * 12)

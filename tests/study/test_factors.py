@@ -12,7 +12,7 @@ from twin.errors import CouplingError
 from twin.run import resolve_catalogs
 from twin.scenario import parse_scenario
 from twin.study import load_study
-from twin.study.answers import page
+from twin.study.answers import tables
 from twin.study.design import Assignment, Distribution, Factor
 from twin.study.design.common_prefix import seeded
 from twin.study.design.factor import has_variable, unit_of
@@ -158,13 +158,26 @@ def test_factors_on_the_page():
         cases=SimpleNamespace(values=np.array([[290.0, NAN, 1.0], [310.0, NAN, 4.0]])),
         study=SimpleNamespace(all_factors=factors),
     )
-    shown = [tuple(row[key] for key in ("name", "targets", "kind", "span", "source")) for row in page.factors(outcome)]
+    shown = [
+        tuple(row[key] for key in ("name", "targets", "kind", "span", "source")) for row in tables.factors(outcome)
+    ]
     assert shown[0][:2] == ("t", "a.t")
-    assert shown[0][2].startswith("normal: 26.85 ")
-    assert ", 2 " in shown[0][2]
+    assert shown[0][2] == "normal: mean 26.85 degC, standard deviation 2 degC"
     assert shown[0][3:] == (f"{factors[0].shown(290.0)} to {factors[0].shown(310.0)}", "book")
-    assert shown[1] == ("x", "a.x, b.x (multiplied)", "log-normal: median 1, geometric deviation 1.25", "-", "assumed")
-    assert shown[2] == ("n", "a.n, b.n", "values: 0 mm, 1 mm, 2 mm, 3 mm, 4 mm, 5 mm, 6 mm, 7 mm", "1 mm to 4 mm", "")
+    assert shown[1] == (
+        "x",
+        "a.x, b.x (multiplied)",
+        "log-normal: median x 1, geometric standard deviation 1.25",
+        "-",
+        "assumed",
+    )
+    assert shown[2] == (
+        "n",
+        "a.n, b.n",
+        "equally likely: 0 mm, 1 mm, 2 mm, 3 mm, 4 mm, 5 mm, 6 mm, 7 mm and 2 more",
+        "1 mm to 4 mm",
+        "",
+    )
     assert factors[0].shown(NAN) == "as in the scenario"
 
 

@@ -9,6 +9,7 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
+from tests.every_case import every_case
 from tests.study.patients import STUDY, study_file
 from twin.study import Answers, load_study
 from twin.study.answers import page, plots, sensitivity, summary, tables
@@ -73,9 +74,10 @@ def test_parallel_coordinates_scale_each_factor_to_its_span(study, drawn):
     cases = cases_of(study)
     (axis,) = plots.parallel(cases, "force_max", "plain", "mN")
     lines = [line for line in axis.lines if len(line.get_ydata()) == 4]
-    assert [color(line) for line in lines] == [plots.GOOD] * 4 + [plots.BAD] * 2
+    assert [color(line) for line in lines] == [plots.tint(plots.GOOD, 0.8)] * 4 + [plots.BAD] * 2
+    assert [line.get_alpha() for line in lines] == [None] * 6  # opaque, for dark mode
     columns = np.array([line.get_ydata() for line in lines])  # cases 1, 2, 4, 5, then 3 and 6
-    values = cases.values[[0, 1, 3, 4, 2, 5]]
+    values = cases.values[[0, 1, 3, 4, 2, 5]] * [60.0, 1.0, 1.0]  # rates as in the file, per minute
     span = values.max(axis=0) - values.min(axis=0)
     assert columns[:, :3] == pytest.approx((values - values.min(axis=0)) / span)
     assert columns[:5, 3] == pytest.approx([0.0, 0.25, 0.5, 0.75, 1.0])  # 20 to 100 mN
@@ -83,7 +85,8 @@ def test_parallel_coordinates_scale_each_factor_to_its_span(study, drawn):
     ends = [one.get_text() for one in axis.texts]
     assert ends[-2:] == ["20", "100"]
     assert ends[:2] == [f"{values[:, 0].min():.3g}", f"{values[:, 0].max():.3g}"]
-    assert [one.get_text() for one in axis.get_xticklabels()][-1] == "force_max [mN]"
+    names = [one.get_text() for one in axis.get_xticklabels()]
+    assert names == ["heart.rate [1/min]", "heart.scale", "bent end [x]", "force_max [mN]"]
 
 
 def test_points_and_lines_lead_to_their_cases(study, drawn):
@@ -93,6 +96,9 @@ def test_points_and_lines_lead_to_their_cases(study, drawn):
     assert good.get_urls() == [f"#case-{numbers[i]}" for i in (0, 1, 3, 4)]
     assert bad.get_urls() == [f"#case-{numbers[2]}"]  # the sixth has no value
     assert np.allclose(good.get_offsets(), np.column_stack([cases.values[[0, 1, 3, 4], 1], [20.0, 40.0, 60.0, 80.0]]))
+    (axis_of_rate,) = plots.scatter(cases, "force_max", "plain", 0, "mN")
+    assert axis_of_rate.get_xlabel() == "heart.rate [1/min]"
+    assert np.allclose(axis_of_rate.collections[0].get_offsets()[:, 0], 60.0 * cases.values[[0, 1, 3, 4], 0])
     assert (axis.get_ylabel(), axis.lines[0].get_ydata()[0]) == ("force_max [mN]", pytest.approx(90.0))
     (axis,) = plots.parallel(cases, "force_max", "plain", "mN")
     urls = [line.get_url() for line in axis.lines if len(line.get_ydata()) == 4]
@@ -113,7 +119,8 @@ def test_of_many_cases_some_lines_and_all_failures_are_shown(study, drawn, monke
     (axis,) = plots.parallel(
         cases_of(study), "force_max", "plain", "mN"
     )  # every third of six: 1 and 4; failures 3 and 6
-    assert [color(line) for line in axis.lines if len(line.get_ydata()) == 4] == [plots.GOOD] * 2 + [plots.BAD] * 2
+    colors = [color(line) for line in axis.lines if len(line.get_ydata()) == 4]
+    assert colors == [plots.tint(plots.GOOD, 0.8)] * 2 + [plots.BAD] * 2
 
 
 @pytest.mark.slow
@@ -138,6 +145,20 @@ def test_histograms_count_all_cases_with_a_value(study, drawn):
     )  # all the same: a span of twice the value
     assert axis.containers[0][0].get_height() == 6
     assert axis.containers[0][-1].get_x() + axis.containers[0][-1].get_width() == pytest.approx(100.0)
+
+
+@every_case(("soft", "shared"), [([0.3, 0.4, 0.5], False), ([0.003, 0.05, 0.5], True)])
+def test_histograms_of_variants_without_overlap_have_axes_of_their_own(tmp_path, drawn, soft, shared):
+    study = load_study(study_file(tmp_path, STUDY.replace("count: 6", "count: 3")))
+    values = {"plain": [0.001, 0.004, 0.005], "soft": soft}
+    rows = [
+        Row(one.number, "done", "", (values[one.variant][one.sample - 1], 0.01), (True, None))
+        for one in study.requests()
+    ]
+    plain, soft_axis = plots.histograms(CaseTable(study, list(study.requests()), rows), "force_max", "mN")
+    assert (plain.get_xlim() == soft_axis.get_xlim()) is shared
+    assert plain.get_title() == ("plain" if shared else "plain, axis of its own")
+    assert sum(bar.get_height() for own in soft_axis.containers[:1] for bar in own) == 3
 
 
 def test_limits_of_a_metric_are_those_of_its_variant(study):
@@ -214,8 +235,11 @@ def test_bars_of_what_drives_a_metric(drawn):
     assert bars(axis) == [[(-0.2, 0.6), (0.8, 0.2)], [(0.2, 0.7), (1.2, 0.3)]]
     assert labels(axis) == ["rate", "scale"]
     assert axis.yaxis_inverted()
-    assert axis.get_xlabel() == "part of the variance of force"
-    assert [one.get_text() for one in axis.get_legend().get_texts()] == ["first order", "total"]
+    assert axis.get_xlabel() == "share of the variance of force"
+    assert [one.get_text() for one in axis.get_legend().get_texts()] == [
+        "alone (first order)",
+        "with interactions (total)",
+    ]
     (axis,) = plots.effects(
         MetricSensitivity("force", "plain", "morris", (Effect("rate", 0.004, (0.003, 0.005)),)), "mN"
     )
@@ -253,7 +277,10 @@ def test_the_way_of_a_tuning(drawn):
     assert bad.get_ydata()[0] == pytest.approx(10.0)
     assert np.isnan(bad.get_ydata()[1])
     assert own.get_ydata()[0] == pytest.approx(10.0)
-    assert axis.get_ylim()[1] == pytest.approx(11.0)  # room above the scenario's own
+    assert axis.get_ylim() == pytest.approx((5.6, 10.4))  # room for the points at both ends
+    trials = [Trial((1.0,), value, (-0.1,), "tune", i) for i, value in enumerate((0.01, 0.0101, 0.0102))]
+    (axis,) = plots.tuning_history(Tuned(trials, trials[0], [], 9), "mN", "max of force")
+    assert axis.get_ylim() == pytest.approx((9.98, 10.22))
 
 
 def test_the_table_of_variants_has_medians_and_pass_rates(tmp_path):
@@ -263,7 +290,7 @@ def test_the_table_of_variants_has_medians_and_pass_rates(tmp_path):
     rows = [Row(one.number, "done", "", (f, None), (f <= 0.09, None)) for one, f in zip(requests, forces, strict=True)]
     answers = Answers(CaseTable(study, requests, rows))
     found = tables.variants(answers)
-    assert [head[:2] for head in found["columns"]] == [("force_max", "mN"), ("motion", "mm"), ("gentle", "holds in")]
+    assert [head[:2] for head in found["columns"]] == [("force_max", "mN"), ("motion", "mm"), ("gentle", "pass rate")]
     assert found["worth"]
     plain, soft = found["rows"]
     assert (plain["name"], plain["bad"], soft["bad"]) == ("plain", True, True)
@@ -275,11 +302,23 @@ def test_the_table_of_variants_has_medians_and_pass_rates(tmp_path):
     assert answers.between("force_max", float("nan"), 0.034) == "below 34 mN"
     assert answers.between("force_max", 0.02, float("nan")) == "above 20 mN"
     assert answers.between("force_max", float("nan"), float("nan")) == "too few cases"
-    listed = tables.singles(answers, [2, 3], {3: "cases/run"})
-    assert [(row["number"], row["variant"], row["failed"], row["run"]) for row in listed["rows"]] == [
-        (2, "soft", "gentle", ""),
-        (3, "plain", "", "cases/run"),
+    listed = tables.singles(SimpleNamespace(runs={3: "cases/run"}, folder="runs/a/1"), answers, [1, 2, 3])
+    assert [(row["number"], row["variant"], row["failed"], row["verdict"], row["run"]) for row in listed["rows"]] == [
+        (2, "soft", "gentle", "", ""),
+        (1, "plain", "", "pass", ""),
+        (3, "plain", "", "pass", "cases/run"),
     ]
+    assert [row["command"] for row in listed["rows"][1:]] == ["twin run --case runs/a/1:1", "twin view runs/a/1:3"]
+    assert [head[:2] for head in listed["columns"]] == [
+        ("heart.rate", "1/min"),
+        ("heart.scale", ""),
+        ("bent end", "x"),
+        ("force_max", "mN"),
+        ("motion", "mm"),
+    ]
+    rate = listed["rows"][0]["cells"][0]
+    assert rate["value"] == pytest.approx(60.0 * answers.cases.values[1, 0])
+    assert rate["text"] == f"{rate['value']:.4g}"
     assert listed["of"] == 12
     keep = SimpleNamespace(failed=1, worst=2)
     worst = summary.noteworthy(answers.cases, keep)
@@ -316,10 +355,10 @@ def test_changes_are_from_the_mean_of_the_first_sample(tmp_path):
         ("bent end", 2.0, 8, 0.08, 0.02),
     ]
     answers = Answers(cases)
-    assert [answers.change(one) for one in (found[2], found[4])] == ["heart.rate 1.5 Hz", "bent end x 2"]
+    assert [answers.change(one) for one in (found[2], found[4])] == ["heart.rate 90 1/min", "bent end x 2"]
     assert answers.interval(answers.shares[0]) == ""  # no sample of anything
-    (first, *_) = [one for one in page.headline(answers) if "changes force_max" in one.text]
-    assert first.text == "bent end x 2 changes force_max most, from 20 mN to 80 mN (case 8)."
+    (first, *_) = [one for one in page.headline(answers) if "force_max changes" in one.text]
+    assert first.text == "force_max changes most with bent end x 2, from 20 mN to 80 mN (case 8)."
     assert first.case == 8
 
 
@@ -345,23 +384,23 @@ def test_sections_of_searches(tmp_path, drawn):
         ("best, unseen samples", ["50 mm"], "85 mN", "kept"),
     ]
     assert (found["title"], found["trials"], found["knobs"]) == ("95 % quantile of force_max", 2, ["wall.free_length"])
-    assert page.worst(outcome, answers) == {
-        "metric": "force_max",
-        "variant": "plain",
-        "value": "120 mN",
-        "sampled": "100 mN",
-        "remark": "",
-        "number": 7,
-        "evaluations": 48,
-        "values": [("heart.rate", "1.5 Hz"), ("heart.scale", "1.2"), ("bent end", "1")],
-    }
+    searched = next(one for one in page.headline(answers, worst, tuned) if one.topic == "Worst case")
+    assert searched.text == (
+        "A search in 48 cases found the worst force_max with plain in case 7: 120 mN (heart.rate 90 1/min, heart.scale 1.2, "
+        "bent end x 1); worst of the random samples: 100 mN."
+    )
+    assert searched.case == 7
+    chosen = "The tuning chose wall.free_length 50 mm: 95 % quantile of force_max on unseen samples 85 mN, with the scenario's values 100 mN."
+    assert chosen in [one.text for one in page.headline(answers, worst, tuned)]
     told = page.searched(outcome)
     assert told["worst"]["values"] == [1.5, 1.2, 1.0]
     assert told["tuned"]["best"]["objective"] == 0.08
     assert told["tuned"]["own"]["broken"] == [0.1, -0.1]
     assert [len(told["tuned"][name]) for name in ("unseen", "trials")] == [2, 2]
     nothing = SimpleNamespace(study=study, worst=None, tuned=None)
-    assert (page.worst(nothing, answers), page.tuned(nothing, answers), page.searched(nothing)) == (None, None, {})
+    assert (page.tuned(nothing, answers), page.searched(nothing)) == (None, {})
+    failed = page.headline(answers, None, Tuned(trials[:1], None, tuned.unseen[:1], 9))
+    assert "None of 1 trials of the tuning meets the limits." in [one.text for one in failed]
     none_good = SimpleNamespace(study=study, worst=None, tuned=Tuned(trials[:1], None, tuned.unseen[:1], 9))
     assert [row["name"] for row in page.tuned(none_good, answers)["rows"]] == [
         "as in the scenario",
@@ -382,9 +421,10 @@ def test_which_pictures_a_page_has(study, tmp_path, drawn):
     }
     named = page.link({3})
     assert (named(3), named(4)) == ('<a href="#case-3">3</a>', "4")
-    assert page.factors(outcome)[2]["targets"] == "wall.bending_stiffness (multiplied)"
-    assert page.factors(outcome)[2]["kind"] == "log-normal: median 1, geometric deviation 1.2"
-    assert page.factors(outcome)[0]["kind"] == "normal: 1.167 Hz, 0.2 Hz"
+    rate, _, bend = tables.factors(outcome)
+    assert bend["targets"] == "wall.bending_stiffness (multiplied)"
+    assert bend["kind"] == "log-normal: median x 1, geometric standard deviation 1.2"
+    assert rate["kind"] == "normal: mean 70 1/min, standard deviation 12 1/min; from 45 1/min to 110 1/min"
 
 
 def test_numbers_that_json_has_not():

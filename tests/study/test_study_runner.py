@@ -11,7 +11,7 @@ import pytest
 from tests.study.patients import SCENARIO, STUDY, study_file
 from twin.errors import SimulationError, TwinError
 from twin.study import load_study
-from twin.study.answers import page, plots, write_report
+from twin.study.answers import page, plots, tables, write_report
 from twin.study.execution import manifest, study_runner
 from twin.study.execution.case_engine import Row
 from twin.study.execution.case_table import CaseTable
@@ -214,7 +214,7 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
     manifest.write(tmp_path, command="twin study patients.yaml", engine="3 processes", versions={"numpy": "9"})
     write_report(outcome)
     text = (tmp_path / page.PAGE).read_text()
-    assert re.findall("<b>([^<]*)</b><span>([^<]*)</span>", text) == [
+    assert re.findall("<div><b>([^<]*)</b><span>([^<]*)</span>", text) == [
         ("4", "cases"),
         ("6", "samples, latin hypercube"),
         ("1", "did not finish"),
@@ -222,13 +222,19 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
     ]
     rows = [cells(row) for row in re.findall("<tr.*?</tr>", text, re.DOTALL)]
     first, second, third, last = rows[-8:-4]
-    assert [one.split()[0] for one in (first, second, third, last)] == ["1", "2", "3", "4"]
-    assert second.endswith(f"gentle its run twin view {tmp_path}:2")
-    assert third.endswith(f"twin run --case {tmp_path}:3")
-    assert "lost" in last
+    assert [one.split()[0] for one in (first, second, third, last)] == ["2", "4", "1", "3"]  # failures first
+    assert first.startswith("2 report Copy gentle soft ")
+    assert f'data-command="twin view {tmp_path}:2"' in text
+    assert third.startswith("1 Copy pass plain ")
+    assert f'data-command="twin run --case {tmp_path}:3"' in text
+    assert "did not finish: lost" in second
+    assert (tmp_path / page.PAGE).read_text().count("navigator.clipboard.writeText") == 1
     assert rows[-4:] == [
-        "Factor Variables Distribution Drawn Source",
-        *(" ".join(one[key] for key in ("name", "targets", "kind", "span", "source")) for one in page.factors(outcome)),
+        "Factor Variables Distribution Range in the cases Source",
+        *(
+            " ".join(one[key] for key in ("name", "targets", "kind", "span", "source"))
+            for one in tables.factors(outcome)
+        ),
     ]
     svgs = re.findall("<svg>(.*?)</svg>", text)
     assert svgs == [
@@ -275,4 +281,4 @@ vary: {heart.rate: {values: [60 /min, 90 /min], source: assumed}}
     study = loaded(tmp_path, text)
     answers = page.Answers(outcome_of(study, tmp_path, (0.01, 0.02, 0.03)).cases)
     assert page.tornados(answers) == [("force_max", "[force_max]"), ("motion", "[motion]")]
-    assert drawn == [(2, unit, ["heart.rate 1 Hz", "heart.rate 1.5 Hz"]) for unit in ("mN", "mm")]
+    assert drawn == [(2, unit, ["heart.rate 60 1/min", "heart.rate 90 1/min"]) for unit in ("mN", "mm")]

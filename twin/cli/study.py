@@ -108,8 +108,8 @@ def command(
     count = len(outcome.cases.rows)
     answers = Answers(outcome.cases) if count else None
     if answers is not None:
-        show(outcome, answers)
-        show_verdict(outcome, answers, "cases.parquet" if no_report else "report.html")
+        named = show(outcome, answers)
+        show_verdict(outcome, answers, "cases.parquet" if no_report else "report.html", named)
     if outcome.status == "interrupted":
         say(f"interrupted: {count} case{'s are' if count != 1 else ' is'} kept. Continue with --resume.", err=True)
         sys.exit(130)
@@ -182,8 +182,8 @@ def extent(study: Study) -> str:
     return f"{study.count:,} cases ({' x '.join(parts)}){more}; {len(study.factors)} factors, {method}"
 
 
-def show(outcome: StudyOutcome, answers: Answers) -> None:
-    """Print the results as tables and sentences."""
+def show(outcome: StudyOutcome, answers: Answers) -> int | None:
+    """Print the results as tables and sentences; return the number of the first case that a sentence names."""
     from twin.study import headline
 
     console = open_console()
@@ -194,24 +194,29 @@ def show(outcome: StudyOutcome, answers: Answers) -> None:
         show_distributions(outcome, answers, console)
     if answers.shares:
         show_pass_rates(outcome, answers, console)
-    sentences = headline(answers)
+    sentences = headline(answers, outcome.worst, outcome.tuned)
     named = {sentence.case for sentence in sentences}
     for cluster in answers.clusters[:MAX_FAILURES]:
-        if cluster.cases[0] in named and not cluster.factors:
+        if not named.isdisjoint(cluster.cases) and not cluster.factors:
             continue  # a sentence says the same
         factors = ", ".join(f"{mark.factor} {'high' if mark.separation > 0 else 'low'}" for mark in cluster.factors)
         number = len(cluster.cases)
         console.print(
             f"fails: {cluster.what} ({cluster.variant}): {number} case{'s' * (number > 1)}{f', {factors}' if factors else ''}, "
-            f"e.g. {cluster.cases[0]}"
+            f"such as case {cluster.cases[0]}"
         )
-    show_search(outcome, answers, console)
     for sentence in sentences:
-        show_text(sentence.text)
+        show_text(sentence.text.replace(" %", f"{NO_BREAK_SPACE}%"))
+    return next((sentence.case for sentence in sentences if sentence.case is not None), None)
 
 
-def show_verdict(outcome: StudyOutcome, answers: Answers, file: str) -> None:
-    """Print the last line: the verdict, the number of cases, the computing time, and where to look."""
+def show_verdict(outcome: StudyOutcome, answers: Answers, file: str, named: int | None = None) -> None:
+    """Print the last line: the verdict, the number of cases, the computing time, and where to look.
+
+    `named`: the case to look at; by default the first one that was kept, or that failed.
+    """
+    from twin.study import open_command
+
     count = len(outcome.cases.rows)
     rates = [rate.part for rate in answers.shares]
     passes = bool(rates) and min(rates) == 1.0
@@ -220,12 +225,13 @@ def show_verdict(outcome: StudyOutcome, answers: Answers, file: str) -> None:
     rate = f" ({(count - outcome.before) / outcome.seconds:.3g} per second)" if outcome.seconds else ""
     name = outcome.study.name if outcome.folder.parent.parent == Path("runs") else str(outcome.folder)
     failing = [cluster.cases[0] for cluster in answers.clusters]
-    number = next(iter([*outcome.runs, *failing, 1]))
-    look = f"twin view {name}:{number}" if number in outcome.runs else f"twin run --case {name}:{number}"
+    number = named or next(iter([*outcome.runs, *failing, 1]))
+    look = open_command(name, number, outcome.runs)
     label = "Report" if file.endswith(".html") else "Results"
     locations = [text.replace(" ", NO_BREAK_SPACE) for text in (f"{label}: {outcome.folder / file}", f"Look: {look}")]
+    seconds = f"{outcome.seconds:.3g} s" if outcome.seconds < 100 else f"{outcome.seconds:.0f} s"
     style = {"PASS": "bold green", "DONE": "bold"}.get(word, "bold red")
-    show_text(f"{count} cases in {outcome.seconds:.3g} s{rate}. {'  '.join(locations)}", f"{word} ", style)
+    show_text(f"{count} cases in {seconds}{rate}. {'  '.join(locations)}", f"{word} ", style)
 
 
 def show_distributions(outcome: StudyOutcome, answers: Answers, console: Console) -> None:
@@ -248,10 +254,12 @@ def show_pass_rates(outcome: StudyOutcome, answers: Answers, console: Console) -
     """Print in how many cases each expectation is met."""
     from twin.study import percent
 
-    interval = f"{percent(outcome.study.keys.confidence)} interval"
-    table = make_table("expectation", "variant", "pass rate", interval, left=2)
+    interval = f"{percent(outcome.study.keys.confidence)} confidence"
+    has_intervals = any(map(answers.interval, answers.shares))
+    table = make_table("expectation", "variant", "pass rate", *[interval] * has_intervals, left=2)
     for share in answers.shares:
-        table.add_row(share.name, share.variant, percent(share.part), answers.interval(share))
+        intervals = [answers.interval(share)] * has_intervals
+        table.add_row(share.name, share.variant, percent(share.part), *intervals)
     console.print(table)
 
 
@@ -262,27 +270,3 @@ def show_changes(answers: Answers, console: Console) -> None:
         before, after = (answers.metric(change.metric, value) for value in (change.before, change.now))
         table.add_row(answers.change(change), change.metric, before, after)
     console.print(table)
-
-
-def show_search(outcome: StudyOutcome, answers: Answers, console: Console) -> None:
-    """Print the worst case and the result of tuning."""
-    worst, tuned, keys = outcome.worst, outcome.tuned, outcome.study.keys.tune
-    if worst is not None:
-        value = answers.metric(worst.metric, worst.value) if math.isfinite(worst.value) else "has no value"
-        console.print(
-            f"worst: {worst.metric} of {worst.variant} {value} in case {worst.number}; "
-            f"worst random case {answers.metric(worst.metric, worst.sampled)}{worst.remark}"
-        )
-    if tuned is None or keys is None:
-        return
-    if tuned.best is None:
-        console.print(f"tuned: none of {len(tuned.trials)} trials meets the limits")
-        return
-    values = ", ".join(
-        f"{knob.factor.name} {knob.factor.shown(value)}"
-        for knob, value in zip(outcome.study.knobs, tuned.best.knobs, strict=True)
-    )
-    own, best = (answers.metric(keys.metric, trial.objective) for trial in tuned.unseen)
-    console.print(
-        f"tuned: {values}; {keys.of} of {keys.metric} on unseen samples {best}, with the scenario's values {own}"
-    )

@@ -68,13 +68,9 @@ if (films.length) {
 // the viewer that serves this report, if one does: a file cannot start it
 const viewer = document.documentElement.dataset.viewer;
 for (const command of document.querySelectorAll(".command")) {
-  const button = command.querySelector("button");
   if (viewer) {
     const link = command.appendChild(document.createElement("a"));
     link.href = viewer + command.dataset.query;
     link.textContent = "Open in the viewer";
   }
-  button.onclick = async () => {
-    try { await navigator.clipboard.writeText(button.dataset.command); button.textContent = "Copied"; } catch { button.textContent = "Select it to copy"; }
-  };
 }

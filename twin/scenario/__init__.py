@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     )
     from twin.scenario.keys.dimensions import displayed
     from twin.scenario.keys.key_types import Keys, Moment, Period, Reference, Seed, Text, Time, Value, reference
+    from twin.scenario.keys.metric_keys import first_unit
     from twin.scenario.keys.quantities import duration, nanoseconds, number, resolve, short
     from twin.scenario.keys.space_keys import space_problem
     from twin.scenario.keys.validation_messages import KeyFile, dotted, quoted, validate
@@ -69,6 +70,7 @@ __all__ = [
     "dotted",
     "duration",
     "event_problems",
+    "first_unit",
     "group",
     "has_source",
     "lint",
@@ -116,6 +118,7 @@ __getattr__, _, _ = lazy_loader.attach(
         "grouping": ["group", "part"],
         "load": ["changed", "lint", "load_scenario", "made_scenario", "parse_scenario", "with_events"],
         "members": ["Backend", "has_source", "make"],
+        "keys.metric_keys": ["first_unit"],
         "keys.quantities": ["duration", "nanoseconds", "number", "resolve", "short"],
         "resolution.variable_resolution": ["resolve_variables"],
         "keys.key_types": ["Keys", "Moment", "Period", "Reference", "Seed", "Text", "Time", "Value", "reference"],

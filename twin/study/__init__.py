@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import lazy_loader
 
 if TYPE_CHECKING:
-    from twin.study.answers import Answers, headline, percent
+    from twin.study.answers import Answers, headline, open_command, percent
     from twin.study.design import Study, load_study
     from twin.study.execution import (
         StudyOutcome,
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "answers": ["Answers", "headline", "percent"],
+        "answers": ["Answers", "headline", "open_command", "percent"],
         "design": ["Study", "load_study"],
         "execution": [
             "StudyOutcome",
@@ -56,6 +56,7 @@ __all__ = [
     "headline",
     "latest",
     "load_study",
+    "open_command",
     "percent",
     "repeat",
     "resolve_case",

@@ -22,7 +22,10 @@ def page_templates(*packages: str) -> jinja2.Environment:
 
 
 def report_templates(*packages: str) -> jinja2.Environment:
-    """Return templates of reports: `style` and `dark` are their look, `matrix_script` sorts and filters their tables."""
+    """Return templates of reports: `style` and `dark` are their look, `matrix_script` sorts and filters their tables.
+
+    `copy_script` is the code of buttons that copy a command.
+    """
     from twin.web.embedding import read_static
 
     environment = page_templates(*packages)
@@ -30,5 +33,6 @@ def report_templates(*packages: str) -> jinja2.Environment:
         "style": read_static("style.css") + read_static("report.css"),
         "dark": read_static("dark.js"),
         "matrix_script": read_static("matrix.js"),
+        "copy_script": read_static("copy.js"),
     }
     return environment

@@ -3,5 +3,6 @@
 from twin.study.answers.headline import headline
 from twin.study.answers.page import PAGE, write_report
 from twin.study.answers.summary import Answers, noteworthy, percent
+from twin.study.answers.tables import open_command
 
-__all__ = ["PAGE", "Answers", "headline", "noteworthy", "percent", "write_report"]
+__all__ = ["PAGE", "Answers", "headline", "noteworthy", "open_command", "percent", "write_report"]

@@ -3,63 +3,170 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 from twin.results import common_format
-from twin.study.answers.paired import MIN_SAMPLES
+from twin.study.answers.paired import INDEPENDENT_SAMPLES, MIN_SAMPLES
+from twin.study.answers.statistics import expectation_name
 from twin.study.answers.summary import percent
+from twin.study.design import SAMPLED
 
 if TYPE_CHECKING:
     from twin.study.answers.paired import PairedDifference
     from twin.study.answers.sensitivity import Effect, MetricSensitivity
+    from twin.study.answers.statistics import PassRate
     from twin.study.answers.summary import Answers
+    from twin.study.design.keys import TuneKeys
+    from twin.study.execution.tuning import Tuned
+    from twin.study.execution.worst_case_search import WorstCase
 
 MAX_SENTENCES = 3  # of a kind
 MAX_FACTORS = 2  # named as causes of a metric
 FAMILY_LEVEL = 0.05  # probability that any of the named causes is none
 MAX_MEANING = 80  # letters of a metric's description that fits into a sentence
-VERBS = {"sobol": "explain most of", "morris": "change most", "rank": "correlate most with"}
+MAX_INDEX = 1.1  # total Sobol index that errors of enough samples can still give
+CAUSES = {
+    "sobol": (
+        "The largest share of the variance of {} comes from",
+        "The largest shares of the variance of {} come from",
+    ),
+    "morris": ("{} changes most with",) * 2,
+    "rank": ("{} correlates most with",) * 2,
+}
 
 
 @dataclass(frozen=True)
 class Sentence:
-    """A sentence, and the number of the case that it names as `case 713`."""
+    """A sentence, the number of the case that it names as `case 713`, and what it is about, in one or two words."""
 
     text: str
     case: int | None = None
+    topic: str = ""
 
 
-def headline(answers: Answers) -> list[Sentence]:
-    """Return the sentences, the most important first."""
-    return [
-        *pass_sentences(answers),
-        *pair_sentences(answers),
-        *cause_sentences(answers),
-        *change_sentences(answers),
-        *failure_sentences(answers),
-    ]
+def headline(answers: Answers, worst: WorstCase | None = None, tuned: Tuned | None = None) -> list[Sentence]:
+    """Return the sentences, the most important first. `worst`, `tuned`: results of searches."""
+    topics = {
+        "Pass rate": [*pass_sentences(answers), *few_sentences(answers)],
+        "Worst case": [] if worst is None else [worst_sentence(answers, worst)],
+        "Tuning": [] if tuned is None else [tuning_sentence(answers, tuned)],
+        "Comparison": pair_sentences(answers),
+        "Causes": [*cause_sentences(answers), *change_sentences(answers)],
+        "Not finished": failure_sentences(answers),
+    }
+    return [replace(sentence, topic=topic) for topic, sentences in topics.items() for sentence in sentences]
 
 
 def pass_sentences(answers: Answers) -> list[Sentence]:
-    """Return the lowest pass rates with their intervals, or that every case passes."""
+    """Return the lowest pass rates with their intervals and worst cases, or that every case passes."""
     missed = sorted((rate for rate in answers.shares if rate.part < 1.0), key=lambda rate: rate.part)
     if not answers.shares:
         return []
     if not missed:
         names = len({rate.name for rate in answers.shares})
         count = max(rate.count for rate in answers.shares)
-        expectations = "the expectation" if names == 1 else f"all {names} expectations"
-        return [Sentence(f"{expectations.capitalize()} hold{'s' * (names == 1)} in each of {count} cases.")]
-    sentences = []
+        expectations = "the expectation holds" if names == 1 else f"all {names} expectations hold"
+        worst = max(filter(None, (worst_case(answers, rate) for rate in answers.shares)), default=None)
+        closest = f"; closest to its limit: case {worst.number}, {worst.text}" if worst else ""
+        text = f"{expectations.capitalize()} in each of {count} cases{closest}."
+        return [Sentence(text, worst.number if worst else None)]
+    is_sampled, sentences = answers.study.design.method not in ("one_at_a_time", "grid"), list[Sentence]()
     for rate in missed[:MAX_SENTENCES]:
-        interval = answers.interval(rate).replace(" to ", ", ").replace(" %", "")
-        bounds = f" [{interval}]" if interval else ""
-        variant = f" ({rate.variant})" if len(answers.study.variants) > 1 else ""
-        text = f"{percent(rate.part)}{bounds} of the cases pass {rate.name!r}{variant}"
-        number = rate.failing[0] if rate.failing else None
-        sentences.append(Sentence(f"{text}; one that fails is case {number}." if rate.failing else f"{text}.", number))
+        is_order = rate.variant not in answers.study.variants
+        variant = f" {'for' if is_order else 'with'} {rate.variant}" if len(answers.study.variants) > 1 else ""
+        share = percent(rate.part)
+        if interval := answers.interval(rate):
+            share += f"; {percent(answers.study.keys.confidence)} confidence interval {interval}"
+        elif is_sampled and not sentences:
+            share += "; no confidence interval, the cases are not independent samples"
+        unit = "samples" if is_order else "cases"
+        text = f"{rate.met_count} of {rate.count} {unit} ({share}) pass {rate.name!r}{variant}"
+        worst = worst_case(answers, rate)
+        if worst and worst.number in rate.failing:
+            sentences.append(Sentence(f"{text}; the worst is case {worst.number}, {worst.text}.", worst.number))
+        else:  # an order of variants, a limit on a signal, or only cases that did not finish
+            sentences.append(Sentence(f"{text}; one that fails is case {rate.failing[0]}.", rate.failing[0]))
     return sentences
+
+
+class WorstInLimit(NamedTuple):
+    """The case of a variant nearest to the limit of a metric, or farthest beyond it; `excess`: part of the limit."""
+
+    excess: float
+    number: int
+    text: str
+
+
+def worst_case(answers: Answers, rate: PassRate) -> WorstInLimit | None:
+    """Return the worst case of an expectation on a metric with a limit; None for other expectations."""
+    cases = answers.cases
+    expectations = enumerate(answers.study.scenario.expectations)
+    own = next(each for k, each in expectations if expectation_name(each, k) == rate.name)
+    if own.metric not in answers.formats or own.ordered or (own.at_most is None and own.at_least is None):
+        return None
+    values = cases.metric(own.metric)
+    limits = [(own.at_most, 1.0, "at most"), (own.at_least, -1.0, "at least")]
+    excesses = [
+        (
+            sign * (values[i] - limit) / (abs(limit) or 1.0),
+            cases.requests[i].number,
+            values[i],
+            f"{word} {answers.metric(own.metric, limit)}",
+        )
+        for i in cases.where(SAMPLED, rate.variant)
+        for limit, sign, word in limits
+        if limit is not None and math.isfinite(values[i])
+    ]
+    if not excesses:
+        return None
+    excess, number, value, limit_text = max(excesses)
+    return WorstInLimit(
+        excess, number, f"where {own.metric} is {answers.metric(own.metric, value)}, expected {limit_text}"
+    )
+
+
+def few_sentences(answers: Answers) -> list[Sentence]:
+    """Return that a random design has too few samples for any statement beyond them."""
+    study = answers.study
+    count = study.keys.samples.count if study.design.method == "sensitivity" else len(study.design.values)
+    if study.design.method not in (*INDEPENDENT_SAMPLES, "sensitivity") or count >= MIN_SAMPLES:
+        return []
+    samples = "1 sample supports" if count == 1 else f"{count} samples support"
+    base = "base " * (study.design.method == "sensitivity")
+    text = f"{samples.replace('sample', f'{base}sample')} no statement about other cases or about causes: take at least {MIN_SAMPLES}."
+    return [Sentence(text)]
+
+
+def worst_sentence(answers: Answers, worst: WorstCase) -> Sentence:
+    """Return what the search for the worst case found, with the factors' values."""
+    value = answers.metric(worst.metric, worst.value) if math.isfinite(worst.value) else "no value, the case failed"
+    inputs = zip(answers.study.factors, worst.values, strict=True)
+    factors = ", ".join(f"{factor.name} {factor.shown(number)}" for factor, number in inputs)
+    random_case = answers.metric(worst.metric, worst.sampled)
+    return Sentence(
+        f"A search in {worst.evaluations} cases found the worst {worst.metric} with {worst.variant} in case {worst.number}: "
+        f"{value} ({factors}); worst of the random samples: {random_case}{worst.remark}.",
+        worst.number,
+    )
+
+
+def tuning_sentence(answers: Answers, tuned: Tuned) -> Sentence:
+    """Return what the tuning chose, and its objective on samples that it did not see."""
+    study, keys = answers.study, answers.study.keys.tune
+    if tuned.best is None or keys is None:
+        return Sentence(f"None of {len(tuned.trials)} trials of the tuning meets the limits.")
+    knobs = zip(study.knobs, tuned.best.knobs, strict=True)
+    values = ", ".join(f"{knob.factor.name} {knob.factor.shown(value)}" for knob, value in knobs)
+    own, best = (answers.metric(keys.metric, trial.objective) for trial in tuned.unseen)
+    return Sentence(
+        f"The tuning chose {values}: {objective_name(keys)} on unseen samples {best}, with the scenario's values {own}."
+    )
+
+
+def objective_name(keys: TuneKeys) -> str:
+    """Return `95 % quantile of force_error_std`."""
+    return f"{f'{percent(keys.quantile)} quantile' if keys.of == 'quantile' else keys.of} of {keys.metric}"
 
 
 def pair_sentences(answers: Answers) -> list[Sentence]:
@@ -84,37 +191,59 @@ def sentence(text: str, number: int | None = None) -> Sentence:
 
 
 def pair_text(answers: Answers, pair: PairedDifference) -> str:
-    """Return `the force error is lower with B than with A in 93 of 100 samples, mean difference -4.1 mN [-5.0, -3.2].`"""
+    """Return `the force error is lower with B than with A in 93 of 100 samples, mean difference -4.1 mN (...).`"""
     side, number = ("lower", pair.lower) if pair.lower >= pair.higher else ("higher", pair.higher)
     mean, interval = answers.difference(pair)
     what = meaning(answers, pair.metric)
     if not pair.lower and not pair.higher:
         return f"{what} is the same with {pair.second} and {pair.first} in all {pair.count} samples."
+    level = percent(answers.study.keys.confidence)
     return (
         f"{what} is {side} with {pair.second} than with {pair.first} in {number} of {pair.count} samples, "
-        f"mean difference {mean}{f' {interval}' if interval else ''}{', which may be none' if pair.low <= 0.0 <= pair.high else ''}."
+        f"mean difference {mean}{f' ({level} confidence interval {interval})' if interval else ''}"
+        f"{': it may be zero' if pair.low <= 0.0 <= pair.high else ''}."
     )
 
 
 def cause_sentences(answers: Answers) -> list[Sentence]:
     """Return the factors that explain a judged metric, of those whose effect survives Holm's method; missed ones first."""
     tested = tested_drivers(answers)
-    if not tested:
+    if not tested or few_sentences(answers):
         return []
-    count = len(answers.study.design.values)
-    if tested[0].kind == "rank" and count < MIN_SAMPLES:
-        return [Sentence(f"{count} samples are too few to rank the factors.")]
-    largest, sentences = largest_p_value(tested), []
+    largest, sentences, unexplained = largest_p_value(tested), [], []
+    missed = missed_metrics(answers)
     for driver in tested:
+        variant = f" with {driver.variant}" if len(answers.study.variants) > 1 else ""
+        what = f"{meaning(answers, driver.metric)}{variant}"
         effects = [effect for effect in driver.effects if effect.p_value <= largest][:MAX_FACTORS]
         if effects:
-            verb = VERBS[driver.kind] if len(effects) > 1 else VERBS[driver.kind].replace(" most", "s most", 1)
-            variant = f" with {driver.variant}" if len(answers.study.variants) > 1 else ""
+            start = CAUSES[driver.kind][len(effects) > 1].format(what)
             names = " and ".join(f"{effect.factor} ({effect_text(answers, driver, effect)})" for effect in effects)
-            sentences.append(sentence(f"{names} {verb} {meaning(answers, driver.metric)}{variant}."))
+            sentences.append(sentence(f"{start} {names}."))
+        elif (driver.metric, driver.variant) in missed:
+            unexplained.append(sentence(f"{what} fails in some cases; no factor's effect on it differs from chance."))
     if not sentences:
+        count = len(answers.study.design.values)
         return [Sentence(f"No effect of a factor on a judged metric differs from chance in {count} samples.")]
-    return sentences[:MAX_SENTENCES]
+    return [*unexplained[:1], *sentences[: MAX_SENTENCES - len(unexplained[:1])], *unsure_sentences(answers, tested)]
+
+
+def unsure_sentences(answers: Answers, tested: list[MetricSensitivity]) -> list[Sentence]:
+    """Return that total Sobol indices clearly above 1, which no true index is, come from too few samples."""
+    if not any(effect.total > MAX_INDEX for driver in tested if driver.kind == "sobol" for effect in driver.effects):
+        return []
+    count = answers.study.keys.samples.count
+    return [
+        Sentence(
+            f"No true Sobol index is above 1: {count} base samples are too few for exact ones. Raise samples: count."
+        )
+    ]
+
+
+def missed_metrics(answers: Answers) -> set[tuple[str | None, str]]:
+    """Return metric and variant of each expectation that some cases miss."""
+    metrics = {expectation_name(each, k): each.metric for k, each in enumerate(answers.study.scenario.expectations)}
+    return {(metrics[rate.name], rate.variant) for rate in answers.shares if rate.part < 1.0}
 
 
 def tested_drivers(answers: Answers) -> list[MetricSensitivity]:
@@ -139,23 +268,23 @@ def holm_note(answers: Answers) -> str:
     """Return how the headline decides on causes, for the page; "" where it ranks none."""
     tested = tested_drivers(answers)
     count = sum(len(driver.effects) for driver in tested)
-    if not tested or (tested[0].kind == "rank" and len(answers.study.design.values) < MIN_SAMPLES):
+    if not tested or few_sentences(answers):
         return ""
     return (
-        f"Sentences on factors: Holm's method at {percent(FAMILY_LEVEL)} over {count} tests, each factor on each judged metric "
-        "of each variant. Intervals: 95 %, each by itself."
+        f"The sentences at the top name a factor only where Holm's method at {percent(FAMILY_LEVEL)} over {count} tests (each factor on "
+        "each judged metric of each variant) excludes chance. The 95 % confidence intervals hold for each bar by itself."
     )
 
 
 def effect_text(answers: Answers, driver: MetricSensitivity, effect: Effect) -> str:
-    """Return the size of an effect with its interval: `rho = -0.62 [-0.90, -0.10]`."""
+    """Return the size of an effect: `rank correlation -0.62, 95 % confidence interval -0.90 to -0.10`."""
     if driver.kind == "morris":
         own = common_format([effect.first, *effect.first_interval], answers.study.metrics[driver.metric].unit, True)
         low, high = map(own.number, effect.first_interval)
-        return f"mean effect {own.text(effect.first)} [{low}, {high}]"
-    name, key = ("total index", "total") if driver.kind == "sobol" else ("rho", "first")
+        return f"mean effect {own.text(effect.first)}, 95 % confidence interval {low} to {high}"
+    name, key = ("total Sobol index", "total") if driver.kind == "sobol" else ("rank correlation", "first")
     low, high = getattr(effect, f"{key}_interval")
-    return f"{name} = {getattr(effect, key):.2f} [{low:.2f}, {high:.2f}]"
+    return f"{name} {getattr(effect, key):.2f}, 95 % confidence interval {low:.2f} to {high:.2f}"
 
 
 def judged_metrics(answers: Answers) -> list[str]:
@@ -175,8 +304,10 @@ def change_sentences(answers: Answers) -> list[Sentence]:
         if finite:
             largest = max(finite, key=lambda change: abs(change.now - change.before))
             before, now = (answers.metric(metric, value) for value in (largest.before, largest.now))
-            text = f"{answers.change(largest)} changes {meaning(answers, metric)} most, from {before} to {now} (case {largest.number})."
-            sentences.append(Sentence(text, largest.number))
+            variant = f" with {largest.variant}" if len(answers.study.variants) > 1 else ""
+            factor = f"{largest.factor} {answers.factor_value(largest.factor, largest.value)}"
+            text = f"{meaning(answers, metric)}{variant} changes most with {factor}, from {before} to {now} (case {largest.number})."
+            sentences.append(sentence(text, largest.number))
     return sentences[:MAX_SENTENCES]
 
 

@@ -8,17 +8,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin import clock
-from twin.results import format_value, si_conversion, write_text
-from twin.study.answers import plots, tables
-from twin.study.answers.headline import Sentence, headline, holm_note, lowest_pass_rate
+from twin.results import write_text
+from twin.study.answers import clusters, plots, tables
+from twin.study.answers.headline import (
+    Sentence,
+    headline,
+    holm_note,
+    judged_metrics,
+    lowest_pass_rate,
+    objective_name,
+    worst_sentence,
+)
 from twin.study.answers.paired import MIN_SAMPLES
 from twin.study.answers.summary import Answers, cleaned, percent
+from twin.study.design import SAMPLED
 from twin.study.execution import case_table, manifest
 from twin.web import report_templates
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Sequence
 
     from twin.study.execution.study_runner import StudyOutcome
 
@@ -38,6 +46,12 @@ TITLES = {
     "cases": "Cases",
     "factors": "Factors",
     "versions": "Versions",
+}
+EFFECT_NOTES = {
+    "sobol": "Sobol index: share of the metric's variance that a factor explains, alone (first order) or with its interactions "
+    "(total). Indices below 0 or above 1 come from too few samples.",
+    "morris": "Mean absolute effect: by how much the metric changes, on average, over the whole range of a factor.",
+    "rank": "Rank correlation (Spearman): 1 where the metric always grows with the factor, -1 where it always falls, 0 for no trend.",
 }
 
 
@@ -73,14 +87,19 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
     """The page as text."""
     environment = report_templates("twin.study")
     study = outcome.study
-    searched = [] if outcome.worst is None else [outcome.worst.number]
-    listed = tables.named(answers, EXAMPLES, [*outcome.runs, *searched])
+    search_results = [] if outcome.worst is None else [outcome.worst.number]
+    listed = tables.named(answers, EXAMPLES, [*outcome.runs, *search_results])
     metrics = {name: each.unit for name, each in answers.formats.items()}
+    sentences = headline(answers, outcome.worst, outcome.tuned)
+    named = [sentence.case for sentence in sentences if sentence.case is not None]
+    cases_to_open = dict.fromkeys([*named[:1], *search_results])  # the worst of the samples, and of the search
     text: str = environment.get_template("study.html").render(
         outcome=outcome,
         study=study,
         answers=answers,
-        headline=[linked(sentence, link(set(listed))) for sentence in headline(answers)],
+        headline=[(sentence.topic, linked(sentence, link(set(listed)))) for sentence in sentences],
+        opened=[(n, tables.open_command(str(outcome.folder), n, outcome.runs)) for n in cases_to_open],
+        worst=linked(worst_sentence(answers, outcome.worst), link(set(listed))) if outcome.worst else "",
         badge=lowest_pass_rate(answers),
         holm_note=holm_note(answers),
         percent=percent,
@@ -88,18 +107,21 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
         link=link(set(listed)),
         examples=EXAMPLES,
         least=MIN_SAMPLES,
+        searched=len(outcome.cases.rows) - len(outcome.cases.where(SAMPLED)),
+        fewest=clusters.FEWEST,
+        effect_notes=EFFECT_NOTES,
         metrics=metrics,
-        factors=factors(outcome),
-        worst=worst(outcome, answers),
+        factors=tables.factors(outcome),
         tuned=tuned(outcome, answers),
         pictures=pictures(outcome, answers),
         told=manifest.read(outcome.folder),
         tornados=tornados(answers),
         titles=TITLES,
         variants=tables.variants(answers),
-        cases=tables.singles(answers, listed, outcome.runs),
+        cases=tables.singles(outcome, answers, listed),
         drivers=together(
-            (driver.metric, driver, plots.effects(driver, metrics[driver.metric])) for driver in answers.drivers
+            (driver.metric, driver, plots.effects(driver, metrics[driver.metric]))
+            for driver in judged_first(answers, answers.drivers)
         ),
     )
     return text
@@ -128,36 +150,6 @@ def linked(sentence: Sentence, named: Callable[[int], str]) -> str:
     return text if number is None else text.replace(f"case {number}", f"case {named(number)}")
 
 
-def factors(outcome: StudyOutcome) -> list[dict[str, str]]:
-    """What varies, as the table shows it."""
-    values = outcome.cases.values
-    rows = []
-    for k, factor in enumerate(outcome.study.all_factors):
-        own = values[np.isfinite(values[:, k]), k]
-        span = f"{factor.shown(own.min())} to {factor.shown(own.max())}" if len(own) else "-"
-        kind = factor.distribution.kind.replace("_", "-")
-        numbers = ", ".join(factor.shown(x) for x in factor.distribution.numbers[:8])
-        if kind == "normal":  # a deviation is a difference: of 26.85 degC one of 2 K is no -271.1 degC
-            mean, deviation = factor.distribution.numbers
-            width = deviation * si_conversion(factor.unit, is_difference=True)[0]
-            shown_width = format_value(width, factor.display_unit or factor.unit, is_difference=True)
-            numbers = f"{factor.shown(mean)}, {shown_width}"
-        if kind == "log-normal":
-            numbers = f"median {factor.shown(factor.distribution.numbers[0])}, geometric deviation {factor.distribution.numbers[1]:g}"
-        targets = ", ".join(factor.sets) or f"{', '.join(factor.scales)} (multiplied)"
-        targets += f" at {clock.text(factor.at_ns)}" if factor.at_ns is not None else ""
-        rows.append(
-            {
-                "name": factor.name,
-                "targets": targets,
-                "kind": f"{kind}: {numbers}",
-                "span": span,
-                "source": factor.source,
-            }
-        )
-    return rows
-
-
 def pictures(outcome: StudyOutcome, answers: Answers) -> dict[str, list[tuple[str, str, str]]]:
     """Titles, notes and plots by group: signals over time, then each metric."""
     study, cases = outcome.study, outcome.cases
@@ -172,10 +164,10 @@ def pictures(outcome: StudyOutcome, answers: Answers) -> dict[str, list[tuple[st
 
     for index, name in enumerate(study.bands):
         if (outcome.folder / case_table.BANDS).exists():
-            note = "median, quarters, 5 to 95 %, ends; red: beyond what is expected"
+            note = "line: median; areas: middle 50 % and 90 % of the cases, smallest to largest; red: beyond a limit"
             add("Over time", f"{name} over time", note, plots.bands(outcome.folder, cases, name, index))
     if study.design.method != "one_at_a_time":
-        note = f"dotted: {', '.join(map(percent, study.keys.quantiles))}; red: cases in which anything fails"
+        note = f"dotted: quantiles {', '.join(map(percent, study.keys.quantiles))}; dashed: limit; red: cases in which anything fails"
         for spread in first_of(answers):
             add(spread.metric, "Distribution", note, plots.histograms(cases, spread.metric, unit(spread.metric)))
     if study.design.method not in ("one_at_a_time", "grid") and study.factors:
@@ -184,11 +176,11 @@ def pictures(outcome: StudyOutcome, answers: Answers) -> dict[str, list[tuple[st
                 if any(item.metric == spread.metric and item.variant == variant for item in answers.spreads):
                     k = strongest(answers, spread.metric, variant)
                     title = f"{variant}, over {study.factors[k].name}"
-                    note = "a case a point; red: something fails. Click: the case"
+                    note = "a point is a case; red: something fails in it. Click a point to open its case"
                     add(
                         spread.metric, title, note, plots.scatter(cases, spread.metric, variant, k, unit(spread.metric))
                     )
-                    note = "a case a line; red: something fails. Click: the case"
+                    note = "a line is a case, from its factors to the metric; red: something fails in it. Click a line to open its case"
                     add(
                         spread.metric,
                         f"{variant}, over all factors",
@@ -211,8 +203,15 @@ def strongest(answers: Answers, metric: str, variant: str) -> int:
 
 
 def first_of(answers: Answers) -> list[Any]:
-    """One spread of each metric."""
-    return list({spread.metric: spread for spread in answers.spreads}.values())
+    """One spread of each metric, those of judged metrics first."""
+    return judged_first(answers, list({spread.metric: spread for spread in answers.spreads}.values()))
+
+
+def judged_first(answers: Answers, entries: Sequence[Any]) -> list[Any]:
+    """Return what has a `metric`: first the metrics of expectations, of these the lowest pass rates first."""
+    judged = judged_metrics(answers)
+    ranks = {name: rank for rank, name in enumerate(judged)}
+    return sorted(entries, key=lambda entry: ranks.get(entry.metric, len(judged)))
 
 
 def tornados(answers: Answers) -> list[tuple[str, str]]:
@@ -225,33 +224,12 @@ def tornados(answers: Answers) -> list[tuple[str, str]]:
     return figures
 
 
-def worst(outcome: StudyOutcome, answers: Answers) -> dict[str, Any] | None:
-    """What the search for the worst case found."""
-    worst_case = outcome.worst
-    if worst_case is None:
-        return None
-    own = zip(outcome.study.factors, worst_case.values, strict=True)
-    return {
-        "metric": worst_case.metric,
-        "variant": worst_case.variant,
-        "value": answers.metric(worst_case.metric, worst_case.value)
-        if np.isfinite(worst_case.value)
-        else "no value: the case failed",
-        "sampled": answers.metric(worst_case.metric, worst_case.sampled),
-        "remark": worst_case.remark,
-        "number": worst_case.number,
-        "evaluations": worst_case.evaluations,
-        "values": [(factor.name, factor.shown(value)) for factor, value in own],
-    }
-
-
 def tuned(outcome: StudyOutcome, answers: Answers) -> dict[str, Any] | None:
     """What the tuning found."""
     own, keys = outcome.tuned, outcome.study.keys.tune
     if own is None or keys is None:
         return None
-    unit = outcome.study.scenario.metrics[keys.metric].unit
-    what = f"{percent(keys.quantile)} quantile" if keys.of == "quantile" else keys.of
+    title = objective_name(keys)
     rows = []
     names = [("as in the scenario", own.trials[0]), ("best", own.best)]
     names += [
@@ -271,10 +249,10 @@ def tuned(outcome: StudyOutcome, answers: Answers) -> dict[str, Any] | None:
         value = answers.metric(keys.metric, entry.objective)
         rows.append({"name": name, "knobs": knobs, "objective": value, "limits": limits})
     return {
-        "title": f"{what} of {keys.metric}",
+        "title": title,
         "knobs": [k.factor.name for k in outcome.study.knobs],
         "rows": rows,
         "trials": len(own.trials),
-        "way": plots.tuning_history(own, unit, f"{what} of {keys.metric}"),
+        "way": plots.tuning_history(own, answers.formats[keys.metric].unit, title),
         "limits": [limit.text for limit in outcome.study.limits],
     }

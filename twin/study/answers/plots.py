@@ -23,9 +23,15 @@ if TYPE_CHECKING:
 
     Array = np.ndarray[Any, Any]
 
-LINES = 400  # of parallel coordinates: more are a gray area
+LINES = 400  # of parallel coordinates: more are one area
 BAD, GOOD = "#b42335", "#0b62a4"
 BANDS = (0.0, 0.05, 0.25, 0.75, 0.95, 1.0)
+
+
+def tint(color: str, part: float) -> str:
+    """Mix a color with white: opaque, so that it stays legible where dark mode inverts the plot."""
+    channels = (int(color[i : i + 2], 16) for i in (1, 3, 5))
+    return "#" + "".join(f"{round(255 + part * (channel - 255)):02x}" for channel in channels)
 
 
 def parallel(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
@@ -36,11 +42,11 @@ def parallel(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
     is_bad = failing(cases)
     failed = [i for i in case_indices if is_bad[i]]
     shown = sorted(set(case_indices[::every]) | set(failed[:LINES]))
-    own, axes_of = cases.values, [(factor.name, k, 1.0, factor.unit) for k, factor in enumerate(study.factors)]
-    columns = [own[shown, k] for _, k, _, _ in axes_of]
-    factor, offset = si_conversion(unit)
-    columns.append((cases.metric(metric)[shown] - offset) / factor)
-    labels = [(name, axis_unit) for name, _, _, axis_unit in axes_of] + [(metric, unit)]
+    own = cases.values
+    columns = [factor.in_shown_unit(own[shown, k]) for k, factor in enumerate(study.factors)]
+    scale, offset = si_conversion(unit)
+    columns.append((cases.metric(metric)[shown] - offset) / scale)
+    labels = [(factor.name, factor.shown_unit) for factor in study.factors] + [(metric, unit)]
     bad = set(failed)
 
     def paint(grid: Any) -> None:
@@ -50,8 +56,8 @@ def parallel(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
         for of_bad in (False, True):
             lines = [k for k, i in enumerate(shown) if (i in bad) is of_bad]
             if lines:
-                style = {"color": BAD, "alpha": 0.5} if of_bad else {"color": GOOD, "alpha": 0.12}
-                artists = axis.plot(scaled[:, lines], linewidth=0.8, **style)
+                tone = BAD if of_bad else tint(GOOD, min(0.8, max(0.25, 40 / len(lines))))
+                artists = axis.plot(scaled[:, lines], linewidth=0.9, color=tone)
                 for line, k in zip(artists, lines, strict=True):
                     line.set_url(f"#case-{cases.requests[shown[k]].number}")
         for k, (low, high) in enumerate(spans):
@@ -74,7 +80,7 @@ def parallel(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
 
 def scatter(cases: CaseTable, metric: str, variant: str, factor: int, unit: str) -> str:
     """Each case a point, linked to it: a metric over a factor, by its number; those that fail in red."""
-    study, own = cases.study, cases.where(SAMPLED, variant)
+    study, own, varied = cases.study, cases.where(SAMPLED, variant), cases.study.factors[factor]
     is_bad = failing(cases)
     scale, offset = si_conversion(unit)
     values = (cases.metric(metric) - offset) / scale
@@ -86,14 +92,14 @@ def scatter(cases: CaseTable, metric: str, variant: str, factor: int, unit: str)
         axis = grid[0, 0]
         for kind, every in cases_by_verdict.items():
             case_indices = every[:: max(1, -(-len(every) // LINES))]
-            color, alpha = (BAD, 0.8) if kind else (GOOD, 0.5)
+            inputs = varied.in_shown_unit(cases.values[case_indices, factor])
             points = axis.scatter(
-                cases.values[case_indices, factor], values[case_indices], s=22, color=color, alpha=alpha, linewidths=0
+                inputs, values[case_indices], s=26, color=BAD if kind else GOOD, edgecolors="#fff", linewidths=0.5
             )
             points.set_urls([f"#case-{cases.requests[i].number}" for i in case_indices])
         for limit in limits_of(study, variant, metric):
             axis.axhline((limit - offset) / scale, color=BAD, linewidth=1.0, linestyle=(0, (2, 1.5)))
-        axis.set_xlabel(plotting.axis_label(study.factors[factor].name, study.factors[factor].unit))
+        axis.set_xlabel(plotting.axis_label(varied.name, varied.shown_unit))
         axis.set_ylabel(plotting.axis_label(metric, unit))
 
     return figure_files.render_svg((9.2, 3.4), f"scatter {metric} {variant}", paint)
@@ -116,7 +122,10 @@ def limits_of(study: Study, variant: str, metric: str) -> list[float]:
 
 
 def histograms(cases: CaseTable, metric: str, unit: str) -> str:
-    """Draw histograms of a metric, one row per variant on a common axis; red: cases that fail in anything."""
+    """Draw histograms of a metric, one row per variant; red: cases that fail in anything.
+
+    The axis is common where the ranges of all variants overlap, else each variant has its own.
+    """
     study = cases.study
     factor, offset = si_conversion(unit)
     values, is_bad = (cases.metric(metric) - offset) / factor, np.array(failing(cases))
@@ -125,25 +134,30 @@ def histograms(cases: CaseTable, metric: str, unit: str) -> str:
     if not own:
         return ""
     all_values = np.concatenate([values[at] for at in own.values()])
-    low, high = float(all_values.min()), float(np.quantile(all_values, 0.995))
-    edges = np.linspace(low, high if high > low else low + abs(low) + 1e-12, 61)
+    is_common = max(values[at].min() for at in own.values()) <= min(values[at].max() for at in own.values())
 
     def paint(grid: Any) -> None:
         for axis, (variant, at) in zip(grid[:, 0], own.items(), strict=True):
             finite_values, bad = values[at], is_bad[at]
+            edges = bin_edges(all_values if is_common else finite_values)
             kinds = [np.minimum(part, edges[-1]) for part in (finite_values[~bad], finite_values[bad])]
             axis.hist(kinds, bins=edges, color=[GOOD, BAD], stacked=True)
             for limit in limits_of(study, variant, metric):
                 axis.axvline((limit - offset) / factor, color=BAD, linewidth=1.0, linestyle=(0, (2, 1.5)))
             for part in study.keys.quantiles:
                 axis.axvline(np.quantile(finite_values, part), color="#1f2933", linewidth=0.8, linestyle=":")
-            axis.set_title(variant, fontsize=9)
+            axis.set_title(variant if is_common else f"{variant}, axis of its own", fontsize=9)
             axis.set_ylabel("cases")
         grid[-1, 0].set_xlabel(plotting.axis_label(metric, unit))
 
-    return figure_files.render_svg(
-        (9.2, 0.6 + 1.35 * len(own)), f"histogram {metric}", paint, nrows=len(own), sharex=True
-    )
+    height = 0.6 + (1.35 if is_common else 1.55) * len(own)
+    return figure_files.render_svg((9.2, height), f"histogram {metric}", paint, nrows=len(own), sharex=is_common)
+
+
+def bin_edges(values: Array) -> Array:
+    """Edges of 60 bins from the smallest value to the 99.5 % quantile: one far value does not squeeze the others."""
+    low, high = float(values.min()), float(np.quantile(values, 0.995))
+    return np.linspace(low, high if high > low else low + abs(low) + 1e-12, 61)
 
 
 def bands(folder: Path, cases: CaseTable, name: str, index: int) -> str:
@@ -176,8 +190,8 @@ def bands(folder: Path, cases: CaseTable, name: str, index: int) -> str:
         for axis, (variant, curves) in zip(grid[:, 0], own.items(), strict=True):
             ends = [np.quantile((curves - offset) / factor, part, axis=0) for part in BANDS]
             time = begin + every * np.arange(curves.shape[1])
-            for k, alpha in ((0, 0.12), (1, 0.25), (2, 0.45)):
-                axis.fill_between(time, ends[k], ends[5 - k], color=GOOD, alpha=alpha, linewidth=0)
+            for k, part in ((0, 0.2), (1, 0.4), (2, 0.65)):
+                axis.fill_between(time, ends[k], ends[5 - k], color=tint(GOOD, part), linewidth=0)
             axis.plot(time, np.median((curves - offset) / factor, axis=0), color="#1f2933", linewidth=0.8)
             for limit, sign, inside in expected(study, variant, name, time):
                 height, outer = (limit - offset) / factor, ends[5 if sign > 0 else 0]
@@ -185,7 +199,7 @@ def bands(folder: Path, cases: CaseTable, name: str, index: int) -> str:
                     time[inside], np.full(inside.sum(), height), color=BAD, linewidth=1.0, linestyle=(0, (2, 1.5))
                 )
                 beyond = inside & (sign * (outer - height) > 0.0)
-                axis.fill_between(time, height, outer, where=beyond, color=BAD, alpha=0.5, linewidth=0)
+                axis.fill_between(time, height, outer, where=beyond, color=tint(BAD, 0.6), linewidth=0)
             axis.set_title(variant, fontsize=9)
             axis.set_ylabel(plotting.axis_label(name, unit))
         grid[-1, 0].set_xlabel("time [s]")
@@ -217,12 +231,12 @@ def effects(metric_sensitivity: MetricSensitivity, unit: str) -> str:
     """Bars of what drives a metric, with their intervals; `unit`: the metric's."""
     names = [effect.factor for effect in metric_sensitivity.effects]
     kinds = {
-        "sobol": [("first order", "first"), ("total", "total")],
+        "sobol": [("alone (first order)", "first"), ("with interactions (total)", "total")],
         "morris": [("", "first")],
         "rank": [("", "first")],
     }[metric_sensitivity.kind]
     quantity = {
-        "sobol": f"part of the variance of {metric_sensitivity.metric}",
+        "sobol": f"share of the variance of {metric_sensitivity.metric}",
         "morris": plotting.axis_label(f"mean absolute effect on {metric_sensitivity.metric}", unit),
         "rank": f"rank correlation with {metric_sensitivity.metric}",
     }[metric_sensitivity.kind]
@@ -296,8 +310,11 @@ def tuning_history(tuned: Tuned, unit: str, name: str) -> str:
         axis.plot(trial_indices[~good], shown[~good], "x", color=BAD, markersize=4, label="breaks one")
         axis.axhline(shown[0], color="#52606d", linewidth=0.8, linestyle=":", label="as in the scenario")
         if good.any():
-            top = np.nanquantile(shown, 0.9)
-            axis.set_ylim(None, max(top, shown[0]) * 1.1 if top > 0 else None)
+            low, most = np.nanmin(shown), np.nanquantile(shown, 0.9)
+            high = max(min(np.nanmax(shown), low + 3.0 * (most - low)), shown[0])  # without far outliers
+            margin = 0.1 * ((high - low) or abs(high) or 1.0)
+            axis.set_ylim(low - margin, high + margin)
+        axis.xaxis.get_major_locator().set_params(integer=True)
         axis.set_xlabel("trial")
         axis.set_ylabel(plotting.axis_label(name, unit))
         axis.legend(frameon=False, fontsize=8)

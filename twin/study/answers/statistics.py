@@ -125,10 +125,7 @@ def shares(cases: CaseTable) -> list[PassRate]:
     confidence = study.keys.confidence
     pass_rates = []
     for k, expectation in enumerate(study.scenario.expectations):
-        name = (
-            expectation.name
-            or f"{expectation.metric or (expectation.signal.text if expectation.signal else '')} {k + 1}"
-        )
+        name = expectation_name(expectation, k)
         if expectation.ordered and set(expectation.ordered) <= set(study.variants):
             met, failing, count = in_order(cases, expectation)
             pass_rates.append(
@@ -136,14 +133,20 @@ def shares(cases: CaseTable) -> list[PassRate]:
             )
             continue
         for variant in study.variants:
-            judged = [(cases.requests[i].number, holds[i][k]) for i in cases.where(SAMPLED, variant)]
-            judged = [(number, verdict) for number, verdict in judged if verdict is not None]
-            if not judged:
-                continue
+            own = cases.where(SAMPLED, variant)
+            judged = [(cases.requests[i].number, holds[i][k]) for i in own if holds[i][k] is not None]
+            done = [i for i in own if cases.rows[i].status == DONE]
+            if not judged or (done and all(holds[i][k] is None for i in done)):
+                continue  # the expectation is not of this variant, even if a case without an end holds nothing
             met = sum(bool(verdict) for _, verdict in judged)
             failing = tuple(number for number, verdict in judged if not verdict)
             pass_rates.append(PassRate(name, variant, met, len(judged), *wilson(met, len(judged), confidence), failing))
     return pass_rates
+
+
+def expectation_name(expectation: Expectation, index: int) -> str:
+    """Return the name of an expectation; without one, its metric or signal and its number."""
+    return expectation.name or f"{expectation.metric or getattr(expectation.signal, 'text', '')} {index + 1}"
 
 
 def in_order(cases: CaseTable, expectation: Expectation) -> tuple[int, tuple[int, ...], int]:

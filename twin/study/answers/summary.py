@@ -61,25 +61,32 @@ class Answers:
         return f"{first} to {ends[1]}"
 
     def difference(self, pair: PairedDifference) -> tuple[str, str]:
-        """Mean difference of a pair, `-4.1 mN`, and its interval, `[-5.0, -3.2]`; "" without one."""
+        """Mean difference of a pair, `-4.1 mN`, and its interval, `-5.0 to -3.2`; "" without one."""
         numbers = [number for number in (pair.mean, pair.low, pair.high) if np.isfinite(number)]
         largest = max(map(abs, numbers))
         digits = 2 - math.floor(math.log10(largest)) if largest else 0  # three significant ones of the largest
         own = common_format([round(number, digits) for number in numbers], self.study.metrics[pair.metric].unit, True)
         mean, *ends = (own.text(number) for number in numbers)
-        return mean, f"[{', '.join(end.partition(' ')[0] for end in ends)}]" if ends else ""
+        return mean, " to ".join(end.partition(" ")[0] for end in ends)
 
     def interval(self, pass_rate: PassRate) -> str:
-        """Wilson's interval; nothing where the cases are no sample of anything."""
-        is_listed = self.study.design.method in ("one_at_a_time", "grid")
-        return "" if is_listed else f"{percent(pass_rate.low)} to {percent(pass_rate.high)}"
+        """Wilson's interval; nothing where the cases are no independent random samples."""
+        return f"{percent(pass_rate.low)} to {percent(pass_rate.high)}" if self.is_random else ""
+
+    @property
+    def is_random(self) -> bool:
+        """Whether the cases of a variant are independent random samples: confidence intervals need that."""
+        return self.study.design.method in paired.INDEPENDENT_SAMPLES and len(self.study.seeds(1)) == 1
 
     def change(self, change: Change) -> str:
         """`sleeve.friction_coefficient 0.2`, `friction x 2`."""
-        (factor,) = (f for f in self.study.factors if f.name == change.factor)
-        value = f"x {change.value:g}" if factor.scales else factor.shown(change.value)
         several = len(self.study.variants) > 1
+        value = self.factor_value(change.factor, change.value)
         return f"{change.factor} {value}" + (f", {change.variant}" if several else "")
+
+    def factor_value(self, name: str, value: float) -> str:
+        """Format a value of a factor with the unit that the study file states."""
+        return next(factor.shown(value) for factor in self.study.factors if factor.name == name)
 
     def plain(self) -> dict[str, Any]:
         """For a file: SI, nothing that is no number."""

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+import shlex
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.results import si_conversion
+from twin import clock
+from twin.results import format_value, si_conversion
+from twin.study.answers.statistics import expectation_name
 from twin.study.answers.summary import percent
 from twin.study.execution.case_engine import DONE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Container, Iterable
 
     from twin.study.answers.statistics import MetricDistribution
     from twin.study.answers.summary import Answers
+    from twin.study.design import Factor
+    from twin.study.execution.study_runner import StudyOutcome
 
 ALL = 200  # cases of a study that is shown in whole
 MOST = 200  # cases of a larger one: those that the page names, then others that fail
+
+MAX_VALUES = 8  # of a factor, that are named
 
 
 def cell(text: str = "", value: float = float("nan"), kind: str = "", more: str = "") -> dict[str, Any]:
@@ -58,7 +65,7 @@ def variants(answers: Answers) -> dict[str, Any]:
             own = shares.get((variant, name))
             cells.append(cell(percent(own.part), own.part, "pass" if own.part == 1.0 else "fail") if own else cell())
         rows.append({"name": variant, "cells": cells, "bad": any(cell["kind"] == "fail" for cell in cells)})
-    heads = [*columns(answers), *((name, "holds in", "") for name in judged)]
+    heads = [*columns(answers), *((name, "pass rate", "") for name in judged)]
     return {"columns": heads, "rows": rows, "worth": len(rows) > 1 and bool(answers.spreads)}
 
 
@@ -89,29 +96,90 @@ def named(answers: Answers, examples: int, more: Iterable[int]) -> list[int]:
     return sorted(case_numbers & set(numbers))
 
 
-def singles(answers: Answers, numbers: Iterable[int], runs: dict[int, str]) -> dict[str, Any]:
-    """A row for each of some cases: metrics, what failed, and its run, if that was kept."""
-    cases, metrics = answers.cases, list(answers.study.metrics)
-    names = [
-        expectation.name or expectation.metric or f"{k + 1}"
-        for k, expectation in enumerate(answers.study.scenario.expectations)
-    ]
-    values = {name: cases.metric(name) for name in metrics}
+def singles(outcome: StudyOutcome, answers: Answers, numbers: Iterable[int]) -> dict[str, Any]:
+    """A row for each of some cases, failures first: verdict, factors, metrics, and the command that opens the case."""
+    cases, study = answers.cases, answers.study
+    varied = [k for k in range(len(study.all_factors)) if np.isfinite(cases.values[:, k]).any()]
     wanted, rows = set(numbers), []
     for i, (request, row) in enumerate(zip(cases.requests, cases.rows, strict=True)):
         if request.number not in wanted:
             continue
-        own = [float(values[name][i]) for name in metrics]
-        cells = [cell(bare(answers, name, x), in_unit(answers, name, x)) for name, x in zip(metrics, own, strict=True)]
-        broken = [name for name, holds in zip(names, row.holds, strict=False) if holds is False]
+        broken = [
+            expectation_name(expectation, k)
+            for k, (expectation, holds) in enumerate(zip(study.scenario.expectations, row.holds, strict=False))
+            if holds is False
+        ]
+        passes = "pass" if True in row.holds else ""
         rows.append(
             {
                 "number": request.number,
                 "variant": request.variant,
                 "seed": request.seed,
-                "cells": cells,
-                "failed": row.why if row.status != DONE else ", ".join(broken),
-                "run": runs.get(request.number, ""),
+                "cells": [factor_cell(study.all_factors[k], request.all_values[k]) for k in varied]
+                + [metric_cell(answers, name, float(cases.metric(name)[i])) for name in study.metrics],
+                "failed": f"did not finish: {row.why}" if row.status != DONE else ", ".join(broken),
+                "verdict": passes,
+                "run": outcome.runs.get(request.number, ""),
+                "command": open_command(str(outcome.folder), request.number, outcome.runs),
             }
         )
-    return {"columns": columns(answers), "rows": rows, "of": len(cases.rows)}
+    heads = [(own.name, own.shown_unit, own.source) for own in (study.all_factors[k] for k in varied)]
+    rows.sort(key=lambda row: not row["failed"])
+    return {"columns": [*heads, *columns(answers)], "rows": rows, "of": len(cases.rows)}
+
+
+def factor_cell(factor: Factor, value: float) -> dict[str, Any]:
+    """A cell with a factor's value in the unit above it; `-`: as in the scenario."""
+    own = float(factor.in_shown_unit(value))
+    return cell(f"{own:.4g}" if np.isfinite(own) else "-", own)
+
+
+def metric_cell(answers: Answers, name: str, value: float) -> dict[str, Any]:
+    """A cell with a metric's value in the unit above it."""
+    return cell(bare(answers, name, value), in_unit(answers, name, value))
+
+
+def open_command(address: str, number: int, recorded: Container[int]) -> str:
+    """Return the command that shows a case in the viewer if its recording was kept, else that runs it again."""
+    return f"twin {'view' if number in recorded else 'run --case'} {shlex.quote(f'{address}:{number}')}"
+
+
+def factors(outcome: StudyOutcome) -> list[dict[str, str]]:
+    """A row for each factor: variables, distribution in words, range of the samples, source."""
+    values = outcome.cases.values
+    rows = []
+    for k, factor in enumerate(outcome.study.all_factors):
+        own = values[np.isfinite(values[:, k]), k]
+        targets = ", ".join(factor.sets) or f"{', '.join(factor.scales)} (multiplied)"
+        targets += f" at {clock.text(factor.at_ns)}" if factor.at_ns is not None else ""
+        span = f"{factor.shown(own.min())} to {factor.shown(own.max())}" if len(own) else "-"
+        rows.append(
+            {
+                "name": factor.name,
+                "targets": targets,
+                "kind": distribution_text(factor),
+                "span": span,
+                "source": factor.source,
+            }
+        )
+    return rows
+
+
+def distribution_text(factor: Factor) -> str:
+    """Return `normal: mean 75 /min, standard deviation 13 /min; from 48 /min to 120 /min`."""
+    own = factor.distribution
+    if own.kind == "values":
+        shown = [factor.shown(value) for value in own.numbers]
+        more = f" and {len(shown) - MAX_VALUES} more" if len(shown) > MAX_VALUES else ""
+        return f"equally likely: {', '.join(shown[:MAX_VALUES])}{more}"
+    first, second = own.numbers
+    if own.kind == "normal":  # a deviation is a difference: of 26.85 degC one of 2 K is no -271.1 degC
+        unit = factor.display_unit or factor.unit
+        width = second * si_conversion(factor.unit, is_difference=True)[0]
+        text = f"mean {factor.shown(first)}, standard deviation {format_value(width, unit, is_difference=True)}"
+    elif own.kind == "log_normal":
+        text = f"median {factor.shown(first)}, geometric standard deviation {second:g}"
+    else:
+        text = f"from {factor.shown(first)} to {factor.shown(second)}"
+    ends = [f"{word} {factor.shown(end)}" for word, end in (("from", own.low), ("to", own.high)) if np.isfinite(end)]
+    return f"{own.kind.replace('_', '-')}: {text}{'; ' * bool(ends)}{' '.join(ends)}"

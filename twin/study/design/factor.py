@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin.component import unit as units
 from twin.coupling import find
 from twin.errors import CouplingError
 from twin.results import format_value, si_conversion
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 class Factor:
     """Something that varies: it sets variables, or multiplies what the scenario has. In the variables' `unit`.
 
-    `at_ns`: time [ns] at which it takes effect, as an event; None: from the start.
+    `display_unit`: unit in which the study file states its values, else the variables' display unit. `at_ns`: time [ns] at which it takes effect, as an event; None: from the start.
     """
 
     name: str
@@ -40,10 +41,22 @@ class Factor:
     where: str = ""
     at_ns: clock.Time | None = None
 
+    @property
+    def shown_unit(self) -> str:
+        """Unit in which values are shown; `x` for a multiple of the scenario's value."""
+        return "x" if self.scales else units.shown(self.display_unit or self.unit)
+
+    def in_shown_unit(self, values: Any) -> Any:
+        """Convert values to the unit in which they are shown."""
+        (factor, offset), (own, own_offset) = si_conversion(self.unit), si_conversion(self.display_unit or self.unit)
+        return (np.asarray(values) * factor + offset - own_offset) / own
+
     def shown(self, value: float) -> str:
-        """A value for people."""
+        """Format a value with its unit: `75 /min`, `x 1.2` for a multiple of the scenario's value."""
         if not np.isfinite(value):
             return "as in the scenario"
+        if self.scales:
+            return f"x {value:.4g}"
         factor, offset = si_conversion(self.unit)
         return format_value(value * factor + offset, self.display_unit or self.unit)
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from twin.scenario import Keys, Moment, Period, Reference, Seed, Text, Value
+from twin.scenario import Keys, Moment, Period, Reference, Seed, Text, Value, first_unit
 
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 
@@ -51,6 +51,12 @@ class FactorKeys(Keys):
     high: Value | None = Field(None, alias="to")
     source: Text = ""
     at: Moment | None = None
+
+    @property
+    def stated_unit(self) -> str:
+        """Unit in which the file states the values; "" for bare numbers."""
+        raws = (self.uniform, self.log_uniform, self.normal, self.log_normal, self.values, self.grid)
+        return first_unit([raw for given in raws for raw in given or []] + [self.low, self.high])
 
 
 class EstimateKeys(Keys):
@@ -130,6 +136,11 @@ class KnobKeys(Keys):
     low: Value = Field(alias="from")
     high: Value = Field(alias="to")
     scale: Literal["linear", "log"] = "linear"
+
+    @property
+    def stated_unit(self) -> str:
+        """Unit in which the file states the limits; "" for bare numbers."""
+        return first_unit([self.low, self.high])
 
 
 class TuneKeys(Keys):

@@ -11,7 +11,7 @@ import numpy as np
 
 from twin.errors import CouplingError, ScenarioError
 from twin.identify import read_estimate
-from twin.results import expression
+from twin.results import expression, si_conversion
 from twin.run import resolve_catalogs
 from twin.scenario import (
     KeyFile,
@@ -131,12 +131,11 @@ class StudyLoader(KeyFile):
             if not paths:
                 continue
             try:
-                unit, shown_in = unit_of(paths, self.catalog) if key == "sets" else ("", "")
                 if key == "scales":
                     for path in paths:
                         unit_of([path], self.catalog)
                 else:
-                    symbol, display = unit, shown_in
+                    symbol, display = unit_of(paths, self.catalog)
             except CouplingError as error:
                 self.add_problem(error, "vary", name)
         if sets and keys.scales:
@@ -147,7 +146,8 @@ class StudyLoader(KeyFile):
         where = str(self.root.find(("vary", name)).location)
         if distribution is None:
             return None
-        return Factor(name, sets, tuple(keys.scales), distribution, symbol, display, keys.source, where, keys.at)
+        shown_in = keys.stated_unit or display
+        return Factor(name, sets, tuple(keys.scales), distribution, symbol, shown_in, keys.source, where, keys.at)
 
     def _distribution(self, name: str, keys: FactorKeys, symbol: str) -> Distribution | None:
         given = [one for one in DISTRIBUTIONS if getattr(keys, one) is not None]
@@ -344,7 +344,8 @@ class StudyLoader(KeyFile):
                 self.add_problem(f"from {short(one.low)} is not above zero, as scale: log needs it. Raise it.", *path)
                 continue
             span = Distribution("log_uniform" if one.scale == "log" else "uniform", (low, high))
-            factors.append(Knob(Factor(name, sets, (), span, unit, display, "tuned"), low, high, one.scale == "log"))
+            factor = Factor(name, sets, (), span, unit, one.stated_unit or display, "tuned")
+            factors.append(Knob(factor, low, high, one.scale == "log"))
         return factors
 
     def _limits(self) -> list[Limit]:
@@ -386,8 +387,6 @@ class StudyLoader(KeyFile):
 
 def si(raw: Any, symbol: str) -> float:
     """A limit in SI; a bare number is in SI already."""
-    from twin.results import si_conversion
-
     if not isinstance(raw, str):
         return float(raw)
     factor, offset = si_conversion(symbol)

@@ -147,7 +147,7 @@ def run_study(
     with Stop() as stop, ExitStack() as stack:
         folder, manifest_data = placed(study, root, resume, command)
         journal = stack.enter_context(StudyJournal(folder))
-        engine = scheduler or f"{workers} processes"
+        engine = scheduler or f"{workers} process{'es' * (workers > 1)}"
         outcome = StudyOutcome(study, folder, case_table.together(study, [], journal), "completed", 0.0, engine=engine)
         outcome.before, requests = len(journal.rows), list[StudyRequest]()
         outcome.runs = {

@@ -1,0 +1,77 @@
+"""The report of a study in a browser: marked rows, Copy buttons, narrow screens."""
+
+import pytest
+
+from tests.study.patients import STUDY, study_file
+from tests.web.browser import browser, chromium  # noqa: F401 - fixtures
+from twin.study import load_study
+from twin.study.answers import page, write_report
+from twin.study.execution import manifest
+from twin.study.execution.case_engine import Row
+from twin.study.execution.case_table import CaseTable
+from twin.study.execution.study_runner import StudyOutcome
+
+
+@pytest.fixture
+def report(tmp_path):
+    """A study of which every third case fails; its page."""
+    study = load_study(study_file(tmp_path, STUDY.replace("count: 6", "count: 12")))
+    rows = [
+        Row(
+            request.number,
+            "done",
+            "",
+            (0.02 + 0.001 * request.number + 0.1 * (request.number % 3 == 0), 0.01),
+            (request.number % 3 > 0, None),
+        )
+        for request in study.requests()
+    ]
+    outcome = StudyOutcome(study, tmp_path, CaseTable(study, list(study.requests()), rows), "completed", 1234.5)
+    manifest.write(tmp_path, command="twin study patients.yaml", engine="3 processes", versions={"numpy": "9"})
+    write_report(outcome)
+    return tmp_path / page.PAGE
+
+
+@pytest.mark.slow
+def test_a_narrow_screen_scrolls_tables_and_plots_alone(browser, report):  # noqa: F811
+    shown = browser.new_page(viewport={"width": 360, "height": 800})
+    shown.goto(f"file://{report}")
+    assert shown.evaluate("document.documentElement.scrollWidth") <= 360
+    for box in ("#cases .scroll", "#pictures figure"):
+        first = shown.locator(box).first
+        assert first.evaluate("box => box.scrollWidth > box.clientWidth")
+    signs = shown.locator("#cases .sideways, #pictures figure .sideways")
+    assert {text for text in signs.all_inner_texts() if text} == {"Wider than the page: scroll sideways →"}
+    cell = shown.locator("#cases tbody td").first
+    before = cell.bounding_box()["x"]
+    shown.locator("#cases .scroll").evaluate("box => { box.scrollLeft = 200; }")
+    assert cell.bounding_box()["x"] == pytest.approx(before, abs=1.0)  # the number of the case stays
+    assert "1234 s" in shown.inner_text(".facts")
+    shown.close()
+
+
+@pytest.mark.slow
+def test_a_linked_row_is_marked_and_its_command_copied(browser, report):  # noqa: F811
+    context = browser.new_context(
+        viewport={"width": 1400, "height": 900}, permissions=["clipboard-read", "clipboard-write"]
+    )
+    shown = context.new_page()
+    shown.goto(f"file://{report}#case-3")
+    color = "cell => getComputedStyle(cell).backgroundColor"
+    marked, plain = (shown.locator(f"#case-{number} td").first.evaluate(color) for number in (3, 4))
+    assert marked != plain
+    button = shown.locator("#case-3 button")
+    button.click()
+    shown.locator("#case-3 button", has_text="Copied").wait_for()  # the clipboard is asynchronous
+    assert shown.evaluate("navigator.clipboard.readText()") == f"twin run --case {report.parent}:3"
+    numbers = [int(text.split()[0]) for text in shown.locator("#cases tbody td:first-child").all_inner_texts()]
+    assert numbers[:8] == [3, 6, 9, 12, 15, 18, 21, 24]  # failures first
+    assert shown.locator("#cases th").all_inner_texts()[:6] == [
+        "Case",
+        "Verdict",
+        "Variant",
+        "heart.rate\n1/min",
+        "heart.scale",
+        "bent end\nx",
+    ]
+    context.close()
