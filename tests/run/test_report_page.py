@@ -89,7 +89,7 @@ def test_panes_hold_what_was_recorded_and_what_failed() -> None:
     np.testing.assert_array_equal(shaded, inside)
     assert [limit["y"] for limit in first["limits"]] == pytest.approx([0.1, 0.22])
     assert set(first["curves"][0]) >= {"name", "low", "high"}
-    assert force.marks == [{"at": 2.0, "text": "a.k = 4"}]
+    assert force.marks == [{"at": 2.0, "text": "1"}]
     assert force.command == "twin view runs/x --signal a.force"
     assert loop.panels[0][0]["own"]
     assert nothing.panels == []
@@ -168,3 +168,11 @@ def test_paper_has_plots_in_light_and_a_phone_has_nothing_cut(page) -> None:
     page.set_viewport_size({"width": 360, "height": 740})
     page.wait_for_function("document.documentElement.scrollWidth === 360")  # charts follow their size a moment later
     assert page.locator("nav").evaluate("(nav) => getComputedStyle(nav).position") == "sticky"
+
+
+@pytest.mark.slow
+def test_legends_that_wrap_cover_no_curve(page) -> None:
+    rows = f"{CHARTS}.flatMap((chart) => [...chart.legends.children].map((row, k) => chart.boxes[k].top - row.offsetTop - row.offsetHeight))"
+    page.add_style_tag(content=".panels { max-width: 150px; }")  # chart and legends change in one frame
+    page.wait_for_function(f"{CHARTS}.every((chart) => chart.width === 150)")
+    page.wait_for_function(f"{rows}.every((gap) => gap >= 0)", timeout=3000)

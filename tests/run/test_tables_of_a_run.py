@@ -25,7 +25,7 @@ from twin.results import (
 )
 from twin.results.evaluation import expression
 from twin.results.evaluation.metrics import MetricResult
-from twin.run import report, report_curves
+from twin.run import report, report_curves, report_plots
 from twin.run.conditions import add_occurrences, condition_notes, occurrences
 from twin.run.coupling_report import component_names, is_growing
 from twin.run.event_table import EventRow, event_rows
@@ -297,10 +297,13 @@ def test_values_of_a_page_are_multiples_of_a_power_of_two(span: float) -> None:
 def test_events_of_the_variants_of_a_plot() -> None:
     time = np.arange(2.0)
     tables = {(name, 1): Signals(time, {}) for name in ("PI", "FF")}
-    events = [EventLine(1.0, "set a.k = 1"), EventLine(1.0, "set a.k = 1"), EventLine(2.0, "stop", ("FF",))]
-    one = {"at": 1.0, "text": "a.k = 1"}
-    assert report_curves.event_marks(events, Plot("", (), variants=("PI",)), tables) == [one]
-    assert report_curves.event_marks(events, Plot("", ()), tables) == [one, {"at": 2.0, "text": "stop"}]
+    events = [EventLine(1.0, "set a.k = 1"), EventLine(1.0, "set b.k = 1"), EventLine(2.0, "stop", ("FF",))]
+    curves = (PlotCurve(expression.parse("a.k"), "k"),)
+    both = {"at": 1.0, "text": "1–2"}
+    numbered = report_plots.events_in_plot(Plot("", curves, variants=("PI",)), tables, events)
+    assert report_curves.event_marks(numbered) == [both]
+    numbered = report_plots.events_in_plot(Plot("", curves), tables, events)
+    assert report_curves.event_marks(numbered) == [both, {"at": 2.0, "text": "3"}]
 
 
 def test_panes_of_a_plot() -> None:

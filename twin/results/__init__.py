@@ -24,7 +24,7 @@ from twin.results.evaluation.metrics import (
 )
 from twin.results.evaluation.sentence import check_sentence, fill_sentence
 from twin.results.evaluation.violations import Violation, consecutive_spans, find_violations
-from twin.results.plot_annotations import EventLine
+from twin.results.plot_annotations import EventLine, join_numbers
 from twin.results.recording import rows, run_folder, signals, stream
 from twin.results.recording.latest_run import LATEST, finished_runs, is_finished_run, link_latest, resolve_latest
 from twin.results.recording.run_folder import RecordedVariable, count_verdicts, write_text
@@ -87,6 +87,7 @@ __all__ = [
     "format_value",
     "histogram",
     "is_finished_run",
+    "join_numbers",
     "link_latest",
     "list_recorded_variables",
     "metric_formats",

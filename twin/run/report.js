@@ -3,14 +3,14 @@
 import { Chart } from "./chart.js";
 import { unpack, visible } from "./samples.js";
 
-const PANE = 150, LOOP = 300, HEAD = 26, FOOT = 44; // heights of panes, their legends and the axis [px]
+const PANE = 150, LOOP = 260, HEAD = 50; // heights of panes, and of a legend with the axis until they are measured [px]
 const charts = [];
 let player = null, shownTime = null;
 
 class ReportChart extends Chart {
   constructor(element, panes, marks) {
     const isLoop = panes[0].own;
-    element.style.height = `${isLoop ? LOOP : panes.length * (PANE + HEAD) + FOOT}px`;
+    element.style.height = `calc(${isLoop ? LOOP : panes.length * PANE}px + var(--heads, ${HEAD}px))`;  // chart.js: legends, axis
     super(element, { panes, marks: isLoop ? [] : marks, source: curvesOf(isLoop) });
     this.notify = (event, detail) => this.share(event, detail);
     element.chart = this; // for tests, and for the console of the browser
