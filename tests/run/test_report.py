@@ -275,7 +275,7 @@ def test_many_variants_are_a_matrix() -> None:
     grid = build_matrix(evaluation, find_violations(limits, evaluation, cases))
     assert grid.is_large
     assert [one.cells[0].text for one in grid.rows] == ["400", "500", "0", "100", "200", "300"]  # failures first
-    assert [one.failed for one in grid.rows[:3]] == [("odd",), ("low", "odd"), ()]
+    assert [one.failures for one in grid.rows[:3]] == [("odd",), ("low", "odd"), ()]
     html = report_page.report_html(
         results.build_summary(results.RunInfo("x"), evaluation, cases),
         evaluation,

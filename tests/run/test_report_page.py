@@ -176,3 +176,16 @@ def test_legends_that_wrap_cover_no_curve(page) -> None:
     page.add_style_tag(content=".panels { max-width: 150px; }")  # chart and legends change in one frame
     page.wait_for_function(f"{CHARTS}.every((chart) => chart.width === 150)")
     page.wait_for_function(f"{rows}.every((gap) => gap >= 0)", timeout=3000)
+
+
+@pytest.mark.slow
+def test_curves_have_three_quarters_beside_a_scene_and_a_cut_table_says_so(page) -> None:
+    page.evaluate("document.body.classList.add('with-films')")
+    page.wait_for_function(f"{CHARTS}[0].width > 0.7 * document.querySelector('#plots').clientWidth")
+    table = page.locator("#events .scroll")
+    page.add_style_tag(content="#events table { min-width: 400px; }")
+    sign = "(box) => getComputedStyle(box, '::before').content"
+    assert table.evaluate(sign) == "none"
+    page.set_viewport_size({"width": 360, "height": 740})
+    page.wait_for_function("document.querySelector('#events .scroll').matches('.cut')")
+    assert "scroll" in table.evaluate(sign)

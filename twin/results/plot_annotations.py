@@ -111,14 +111,14 @@ def draw_events(axis: Any, events: Iterable[EventLine], names: Sequence[str], fa
 
 
 def join_numbers(numbers: Iterable[int]) -> str:
-    """Join numbers, consecutive ones as a range: `1–3, 5`."""
+    """Join numbers, consecutive ones as a range: `1-3, 5`."""
     ranges: list[list[int]] = []
     for number in sorted(set(numbers)):
         if ranges and number == ranges[-1][-1] + 1:
             ranges[-1] = [ranges[-1][0], number]
         else:
             ranges.append([number])
-    return ", ".join("–".join(map(str, ends)) for ends in ranges)
+    return ", ".join("-".join(map(str, ends)) for ends in ranges)
 
 
 def wrap_name(name: str, letters: int) -> list[str]:
