@@ -7,7 +7,7 @@ import lazy_loader
 from twin.results import plot_annotations
 from twin.results.analysis import Analysis
 from twin.results.evaluation import dimension, expression
-from twin.results.evaluation.coverage import ends_before
+from twin.results.evaluation.coverage import ends_before, quote_names
 from twin.results.evaluation.expression import Expression
 from twin.results.evaluation.hardware_termination import HardwareTermination
 from twin.results.evaluation.metric_format import MetricFormat, common_format, metric_formats
@@ -93,6 +93,7 @@ __all__ = [
     "metric_formats",
     "plot_annotations",
     "plotting",
+    "quote_names",
     "read_variables",
     "readable_recording",
     "resolve_latest",

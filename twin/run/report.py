@@ -13,6 +13,7 @@ from twin.results import (
     ExpectationResult,
     MetricResult,
     metric_formats,
+    quote_names,
     si_conversion,
 )
 
@@ -252,7 +253,7 @@ def parameter_rows(
             descriptions[member, name],
             (sources or {}).get(f"{member}.{name}", ""),
             given,
-            "" if len(variants) == count else ", ".join(variants),
+            "" if len(variants) == count else ", ".join(quote_names(variants)),
         )
         for (member, name), texts in variants_of.items()
         for (text, unit, given), variants in texts.items()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from twin.results import Expectation, HardwareTermination, Plot, count_verdicts, find_violations
+from twin.results import Expectation, HardwareTermination, Plot, count_verdicts, find_violations, quote_names
 from twin.run.report import VERDICTS, has_own_name, is_failure, list_failures, metric_rows
 from twin.run.report_plots import HERE, ReportFigure, draw_plots
 from twin.run.variant_matrix import build_matrix
@@ -105,6 +105,7 @@ def report_html(
             events=events,
             words={key: word for key, (word, _) in VERDICTS.items()},
             named=has_own_name,
+            quote_names=quote_names,
             terminations=early_terminations(terminations),
             has_reference=any(result.paper is not None for result in evaluation.metric_results),
             variants=list(dict.fromkeys(variant for variant, _ in tables)),
@@ -133,7 +134,9 @@ def titled_structures(
     structures: Sequence[tuple[tuple[str, str], Sequence[str]]],
 ) -> list[tuple[str, str, str]]:
     """Return each diagram as (SVG, remarks, names of its variants); no names where there is one diagram only."""
-    return [(svg, remarks, ", ".join(names) * (len(structures) > 1)) for (svg, remarks), names in structures]
+    return [
+        (svg, remarks, ", ".join(quote_names(names)) * (len(structures) > 1)) for (svg, remarks), names in structures
+    ]
 
 
 def group_by_member(parameters: Sequence[ParameterRow]) -> dict[str, list[ParameterRow]]:
