@@ -51,7 +51,7 @@ def test_table_is_plain_text_within_100_columns() -> None:
     row = next(line for line in lines if "PI+FF " in line)
     std = [1000 * float(np.std(tables()["PI+FF", seed].values["a.force"])) for seed in (1, 2)]
     mean, worst = f"{np.mean(std):.1f}", f"{max(std):.1f}"
-    assert row.split() == ["PI+FF", "100.0", "mN", mean, "mN", worst, "mN", "0.14", "±", "20", "%", "FAIL"]
+    assert row.split() == ["PI+FF", "100", "mN", mean, "mN", worst, "mN", "0.14", "±", "20", "%", "FAIL"]
     assert any(line.startswith("pass    error_std: PI ") and line.endswith(f"> PI+FF {mean} mN.") for line in lines)
     assert any(line.startswith("FAIL    stays <in> band: a.force is 0.25 N at") for line in lines)
     assert "other settings" in text(judged(applies=False))

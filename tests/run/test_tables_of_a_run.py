@@ -117,6 +117,11 @@ def test_occurrences_in_the_summary() -> None:
         (310.15, "K", "degC", "37"),
         (37.0, "degC", "K", "310.15"),
         (1 / 3, "m", "m", "0.333333"),
+        (10.0, "rad/s", "deg/s", "573"),
+        (0.0123456, "rad", "deg", "0.7074"),
+        (123456.0, "m", "km", "123.5"),
+        (1234560.0, "Pa", "hPa", "12345.6"),
+        (0.03625, "N", "mN", "36.25"),
         ([0.001, 0.002], "m", "mm", "[1, 2]"),
         (list(range(6)), "", "", "[0, 1, 2, 3, 4, 5]"),
         (list(range(7)), "", "", "[0, 1, 2, … 6] (7)"),
@@ -125,6 +130,15 @@ def test_occurrences_in_the_summary() -> None:
 )
 def test_parameters_in_their_display_unit(value: object, unit: str, display: str, text: str) -> None:
     assert report.format_parameter(value, unit, display) == text
+
+
+def test_small_parameters_have_a_small_unit() -> None:
+    assert report.unit_for_size(1e-4, "m") == "mm"
+    assert report.unit_for_size([0.0, 0.02], "s") == "ms"
+    assert report.unit_for_size(0.5, "m") == "m"
+    assert report.unit_for_size(1e-4, "kg") == "kg"
+    assert report.unit_for_size("file.csv", "m") == "m"
+    assert report.unit_for_size(None, "m") == "m"
 
 
 def refinement(value: float | None, half: float | None, scale: float = 0.0, unit: str = "mN") -> StepRefinement:

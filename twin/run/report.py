@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ from twin.results import (
     Evaluation,
     ExpectationResult,
     MetricResult,
+    common_format,
     metric_formats,
     quote_names,
     si_conversion,
@@ -69,7 +71,7 @@ def metric_cells(result: MetricResult, style: MetricFormat) -> dict[str, str]:
         "metric": result.metric.name,
         "variant": result.variant,
         "verdict": result.verdict,
-        "paper": style.text(result.paper),
+        "paper": style.reference(result.paper),
         "mean": "no value" if result.verdict == "none" else style.text(result.mean, result.scale),
         "worst": style.text(result.worst, result.scale),
         "ratio": "-" if result.ratio is None else f"{result.ratio:.2f}",
@@ -239,8 +241,9 @@ def parameter_rows(
                 given = any(key.partition("[")[0] == name for key in case.members[member].parameters)
                 if name == "seed" and not given:
                     continue  # differs in every run
-                unit = variable.display_unit or variable.unit
-                text = format_parameter(values.get(name, variable.start), variable.unit, unit)
+                value = values.get(name, variable.start)
+                unit = variable.display_unit or unit_for_size(value, variable.unit)
+                text = format_parameter(value, variable.unit, unit)
                 variants_of.setdefault((member, name), {}).setdefault((text, unit, given), []).append(case.variant)
                 descriptions[member, name] = variable.description
     count = len({case.variant for case in cases})
@@ -260,8 +263,14 @@ def parameter_rows(
     ]
 
 
+def unit_for_size(value: Any, unit: str) -> str:
+    """Return the unit in which a parameter is shown: a smaller one such as mm for small values [SI]."""
+    array = np.asarray(value)
+    return common_format(array.ravel().tolist(), unit).unit if array.dtype.kind == "f" else unit
+
+
 def format_parameter(value: Any, unit: str, display: str) -> str:
-    """Format a value in its display unit, long arrays shortened."""
+    """Format a value in its display unit, long arrays shortened; conversion adds no digits: 573 deg/s for 10 rad/s."""
     if value is None:
         return ""
     array = np.asarray(value)
@@ -269,6 +278,11 @@ def format_parameter(value: Any, unit: str, display: str) -> str:
         (factor, offset), (shown_factor, shown_offset) = si_conversion(unit), si_conversion(display)
         array = (array * factor + offset - shown_offset) / shown_factor
     texts = [f"{item:.6g}" if isinstance(item, float) else str(item) for item in array.ravel().tolist()]
+    if display != unit:
+        texts = [
+            f"{float(text):.4g}" if re.fullmatch(r"-?(0\.0*\d{6}|(?=.{7}$)\d{1,3}\.\d+)", text) else text
+            for text in texts
+        ]
     if array.ndim == 0:
         return texts[0]
     return f"[{', '.join(texts)}]" if len(texts) <= 6 else f"[{', '.join(texts[:3])}, … {texts[-1]}] ({len(texts)})"

@@ -71,7 +71,11 @@ def build_matrix(evaluation: Evaluation, violations: Sequence[Violation]) -> Mat
             factor, offset = si_conversion(metric.unit, metric.is_difference)
             value = None if result.mean is None else (result.mean - offset) / factor
             text = "no value" if value is None else formats[name].number(result.mean, result.scale)
-            paper = "" if result.paper is None else formats[name].number(result.paper)
+            paper = (
+                ""
+                if result.paper is None
+                else formats[name].reference(result.paper).removesuffix(formats[name].label).rstrip()
+            )
             cells.append(MatrixCell(text, paper, value, result.verdict))
         failed_metrics = [name for name, cell in zip(metrics, cells, strict=True) if cell.verdict in FAILED]
         rows.append(MatrixRow(variant, tuple(cells), (*failed_names.get(variant, ()), *failed_metrics)))
