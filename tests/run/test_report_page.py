@@ -35,6 +35,13 @@ def test_a_report_without_curves_has_no_chart() -> None:
     assert "class Chart" not in report_page.report_html(summary, Evaluation(), {})
 
 
+def test_the_first_sentence_of_a_description_stands_alone_and_code_is_marked() -> None:
+    text = "A tip of 2.5 mm in `a<b>` moves. It stops. Then it waits."
+    assert report_page.split_first_sentence(text) == ("A tip of 2.5 mm in `a<b>` moves.", "It stops. Then it waits.")
+    assert report_page.split_first_sentence("") == ("", "")
+    assert report_page.mark_code("in `a<b>`") == "in <code>a&lt;b&gt;</code>"
+
+
 def test_points_of_a_page_are_limited() -> None:
     many = {(f"v{k}", 1): signals for k, signals in enumerate([tables()["PI", 1]] * 300)}
     assert report_curves.points_per_curve([PLOTS[0]], tables()) == report_curves.MAX_POINTS
