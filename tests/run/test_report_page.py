@@ -1,5 +1,6 @@
 """report.html in a browser: charts in place of plots, one cursor of time, nothing cut on a phone, plots on paper."""
 
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,6 +15,7 @@ from twin.results.recording.signals import Window
 from twin.run import report_curves, report_page
 from twin.run.event_table import EventRow
 from twin.run.report_plots import draw_plots
+from twin.structure import picture
 from twin.web import PackedArrays
 
 POSITION = Plot("Position", (PlotCurve(expression.parse("a.x"), "x"),), unit="mm", per_variant=True)
@@ -196,3 +198,15 @@ def test_curves_have_three_quarters_beside_a_scene_and_a_cut_table_says_so(page)
     page.set_viewport_size({"width": 360, "height": 740})
     page.wait_for_function("document.querySelector('#events .scroll').matches('.cut')")
     assert "scroll" in table.evaluate(sign)
+
+
+@pytest.mark.slow
+def test_a_drawing_keeps_legible_letters_and_says_that_it_goes_on(browser, tmp_path) -> None:
+    svg = picture.draw(dict.fromkeys("abcdefgh", ""), dict.fromkeys(pairwise("abcdefgh"), ()))
+    written(tmp_path, structures=[((svg, "remark"), ["PI"])])
+    page = browser.new_page(viewport={"width": 360, "height": 740})
+    page.goto(f"file://{tmp_path}/report.html")
+    page.wait_for_function("document.querySelector('.drawing').matches('.cut')")
+    shown, full = page.locator(".drawing > svg").evaluate("(svg) => [svg.clientWidth, svg.viewBox.baseVal.width]")
+    assert shown >= 0.74 * full
+    page.close()

@@ -61,13 +61,13 @@ for (const [id, { panels, marks }] of Object.entries(JSON.parse(document.getElem
 const films = JSON.parse(document.getElementById("films").textContent), stage = document.querySelector(".player");
 if (films.length) {
   document.body.classList.add("with-films");
-  player = new Player(stage, films, () => Math.max(innerHeight * (innerWidth < 1100 ? 0.26 : 0.5), 150), chartTimes);
+  player = new Player(stage, films, () => Math.max(innerHeight * (innerWidth < 1100 ? 0.2 : 0.5), 150), chartTimes);
   scrollThrough(stage);
 }
 
-// tables that are wider than the page say so
+// tables and drawings that are wider than the page say so
 const widths = new ResizeObserver((entries) => { for (const { target } of entries) target.classList.toggle("cut", target.scrollWidth > target.clientWidth + 1); });
-for (const table of document.querySelectorAll(".scroll")) widths.observe(table);
+for (const table of document.querySelectorAll(".scroll, .drawing")) widths.observe(table);
 
 // the viewer that serves this report, if one does: a file cannot start it
 const viewer = document.documentElement.dataset.viewer;

@@ -142,7 +142,7 @@ def plot_note(plot: Plot, tables: Tables, shown_violations: Sequence[Violation])
             f"bold: seed {seeds[0]}; faint: {'seed' if len(seeds) == 2 else 'seeds'} {', '.join(map(str, seeds[1:]))}"
         )
     if shown_violations:
-        parts.append("red: not " + "; not ".join(item.text for item in shown_violations))
+        parts.append("red: violates " + "; violates ".join(item.text for item in shown_violations))
     missing = (
         len(shown_violations[0].variants) - MAX_PANELS
         if shown_violations and plot.title == f"Failed: {shown_violations[0].name}"

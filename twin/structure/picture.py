@@ -107,7 +107,7 @@ def draw(
     ]
     return (
         f'<svg role="img" aria-label="system" viewBox="0 0 {size[0]:.0f} {size[1]:.0f}" '
-        f'style="width: 100%; max-width: {size[0]:.0f}px; height: auto; font: 12px sans-serif; color: inherit">'
+        f'style="--full: {size[0]:.0f}px; width: 100%; max-width: var(--full); height: auto; font: 12px sans-serif; color: inherit">'
         f"{''.join(parts)}</svg>"
     )
 
