@@ -166,7 +166,7 @@ def studied(calls, monkeypatch):
         )
         monkeypatch.setattr(study, "show", lambda *_: click.echo("shown"))
         monkeypatch.setattr(
-            study, "show_verdict", lambda outcome, answers, file: click.echo(f"DONE {outcome.folder}/{file}")
+            study, "show_verdict", lambda outcome, answers, file, named: click.echo(f"DONE {outcome.folder}/{file}")
         )
         monkeypatch.setattr(sys, "argv", ["twin", "study", "a b.yaml"])
         return run(study.command, "a.yaml", *words)

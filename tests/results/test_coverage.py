@@ -9,6 +9,7 @@ import pytest
 
 from twin.results import Expectation, Metric, Signals, Window, evaluate
 from twin.results.evaluation import expression
+from twin.results.evaluation.coverage import list_names
 
 FORCE = expression.parse("wall.force")
 LIMIT = Expectation("clinical range", signal=FORCE, at_most=0.4, variants=("PI", "FF"), unit="N")
@@ -25,11 +26,31 @@ def test_a_verdict_names_the_variants_that_it_judged() -> None:
     found = evaluate({}, [LIMIT, replace(LIMIT, variants=())], run)
     detail = "wall.force was 0 N to 0.1 N; expected at most 0.4 N."
     assert [each.detail for each in found.expectation_results] == [
-        f"{detail} In 2 of 3 variants, not in mine.",
+        f"{detail} Judged in 2 of 3 variants, all but mine.",
         detail,
     ]
     many = evaluate({}, [replace(LIMIT, variants=("a0",))], tables(*(f"a{i}" for i in range(9))))
-    assert many.expectation_results[0].detail == f"{detail} In 1 of 9 variants: a0."
+    assert many.expectation_results[0].detail == f"{detail} Judged in 1 of 9 variants: a0."
+
+
+def test_names_with_commas_are_quoted_and_many_are_counted() -> None:
+    assert list_names(["PI"]) == "PI"
+    assert list_names(["PI", "FF", "BW"]) == "PI, FF and BW"
+    assert list_names(["PI+FF, replayed", "PI"]) == '"PI+FF, replayed" and "PI"'
+    assert list_names([f"a{i}" for i in range(9)]) == "a0, a1, a2, a3, a4, a5 and 3 more"
+    assert list_names([]) == ""
+    limit = replace(LIMIT, variants=("PI, replayed",), at_least=0.02)
+    (result,) = evaluate({}, [limit], tables("FF", "PI, replayed")).expectation_results
+    assert result.detail == (
+        'wall.force is 0 N at 0 s in "PI, replayed", seed 1; expected from 0.02 N to 0.4 N. Judged in 1 of 2 variants: "PI, replayed".'
+    )
+
+
+def test_equal_limits_are_one_number() -> None:
+    limit = Expectation("", signal=FORCE, at_least=0.1, at_most=0.1, unit="N")
+    (result,) = evaluate({}, [limit], tables("PI")).expectation_results
+    assert "expected exactly 0.1 N." in result.detail
+    assert result.name == "wall.force from 0.1 N to 0.1 N"  # recorded
 
 
 @pytest.mark.parametrize(
@@ -38,14 +59,18 @@ def test_a_verdict_names_the_variants_that_it_judged() -> None:
         ([LIMIT], ["No expectation judges mine."]),
         (
             [LIMIT, Expectation("late", ends="completed")],
-            ["mine is not judged by: clinical range. Name it in their lists of variants, or add an expectation."],
+            [
+                'mine is not judged by "clinical range". Name it in the variants of that expectation, or add an expectation.'
+            ],
         ),
         ([LIMIT, Expectation("other", signal=FORCE, at_most=0.5)], []),  # another limit of the same signal
         ([replace(LIMIT, excluded=("mine",)), Expectation("", ends="completed")], []),
         ([replace(LIMIT, variants=("PI",)), Expectation("", ends="completed")], []),  # a limit of one variant
         (
             [replace(LIMIT, variants=("PI",), unlisted=("mine",)), Expectation("", ends="completed")],
-            ["mine is not judged by: clinical range. Name it in their lists of variants, or add an expectation."],
+            [
+                'mine is not judged by "clinical range". Name it in the variants of that expectation, or add an expectation.'
+            ],
         ),
     ],
 )

@@ -234,6 +234,12 @@ def test_events_that_would_overlap_share_a_text() -> None:
     assert list(axis.texts) == []
 
 
+def test_numbers_of_events_stand_upright_and_share_a_text_as_ranges() -> None:
+    events = [EventLine(1.0 + 0.01 * k, str(k)) for k in (1, 2, 3, 5)] + [EventLine(2.0, "6")]
+    (axis,) = drawn(Plot("P", (PlotCurve(X, "x"),)), TABLES, events=events)
+    assert [(text.get_text(), text.get_rotation()) for text in axis.texts] == [("\xa01-3, 5", 0.0), ("\xa06", 0.0)]
+
+
 @every_case(
     ("name", "letters", "lines"),
     [

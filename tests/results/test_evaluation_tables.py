@@ -105,8 +105,12 @@ def test_ends_of_several_runs() -> None:
         for each in evaluate({}, expectations, tables, True, ended).expectation_results
     ]
     assert found == [
-        ("e", "pass", "2 runs stopped at 1 s to 3 s, everything at rest; expected a stop. In 1 of 2 variants: PI."),
-        ("e", "fail", "FF, seed 1 ran to its end. Expected a stop, everything at rest. In 1 of 2 variants: FF."),
+        (
+            "e",
+            "pass",
+            "2 runs stopped at 1 s to 3 s, everything at rest; expected a stop. Judged in 1 of 2 variants: PI.",
+        ),
+        ("e", "fail", "FF, seed 1 ran to its end. Expected a stop, everything at rest. Judged in 1 of 2 variants: FF."),
         ("e", "skipped", "None of its variants was run."),
     ]
 
@@ -147,7 +151,7 @@ def test_an_order_of_one_variant() -> None:
     assert check_order(expectation, {"PI": result("PI", 1.0)}) == (
         "named",
         "skipped",
-        "Not judged: of PI; FF, only PI has m in this run.",
+        "Not judged: an order needs at least two of PI and FF; only PI has m in this run.",
     )
     assert format_seeds([1, 2, 3, 4], [3]) == "It holds at seeds 1, 2, 4, not at 3."
 

@@ -199,7 +199,7 @@ def test_what_did_not_finish_is_left_out() -> None:
         (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.49), "pass", "m: A 34.95 mN > B 17.48 mN (required margin: 49 %)."),
         (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.51), "fail", "m: A 34.95 mN but not above B 17.48 mN (required margin: 51 %). It holds at no seed: 0, 1."),
         (Expectation("", metric="m", ordered=("A", "B"), margin=0.53 * STD), "fail", "m: A 34.95 mN but not above B 17.48 mN (required margin: 17.64 mN). It holds at seed 1, not at 0."),
-        (Expectation("", metric="m", ordered=("A", "X")), "skipped", "Not judged: of A; X, only A has m in this run."),
+        (Expectation("", metric="m", ordered=("A", "X")), "skipped", "Not judged: an order needs at least two of A and X; only A has m in this run."),
         (Expectation("", metric="m", at_most=0.035), "fail", f"m is {format_value(1.1 * STD, 'N')} in A, seed 1; expected at most 0.035 N."),
         (Expectation("", metric="m", at_most=0.035, variants=("B",)), "pass", f"m was {format_value(0.5 * STD, 'N')} to {format_value(0.55 * STD, 'N')}; expected at most"),
         (Expectation("", metric="m", at_most=1.06 * STD, variants=("A",), mean=True), "pass", f"m was {format_value(1.05 * STD, 'N')}; expected"),
@@ -263,7 +263,7 @@ def test_a_run_that_ends_before_the_window_does_not_pass(stop: int, limit: float
     ]
     found = evaluate({"m": metric(reduce="max", window=window)}, expected, {("A", 1): signals()}).expectation_results
     assert [result.verdict for result in found] == [verdict, verdict]
-    cut = "Not judged: A, seed 1, ends at 10 s, and the window at 11 s."
+    cut = "Not judged: the run of A, seed 1, ends at 10 s, before its window ends at 11 s."
     assert [result.detail == cut for result in found] == [verdict == "skipped"] * 2
 
 

@@ -100,7 +100,7 @@ def test_where_an_expectation_failed_is_marked() -> None:
 
     shown = draw_plots(PLOTS[:1], cases, [], list(found.values()), PackedArrays(), "runs/x")
     assert [one.title for one in shown] == ["Failed: far", "Failed: end", "Force <per> controller"]
-    assert "red: not a.force from 0.1 N to 0.22 N" in shown[2].note
+    assert "red: violates a.force from 0.1 N to 0.22 N" in shown[2].note
     assert all(plot_annotations.VIOLATION_COLOR in one.svg for one in shown)
     assert plot_annotations.VIOLATION_COLOR not in plotting.plot_svg(PLOTS[0], cases)
 

@@ -1,5 +1,6 @@
 """report.html in a browser: charts in place of plots, one cursor of time, nothing cut on a phone, plots on paper."""
 
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,6 +15,7 @@ from twin.results.recording.signals import Window
 from twin.run import report_curves, report_page
 from twin.run.event_table import EventRow
 from twin.run.report_plots import draw_plots
+from twin.structure import picture
 from twin.web import PackedArrays
 
 POSITION = Plot("Position", (PlotCurve(expression.parse("a.x"), "x"),), unit="mm", per_variant=True)
@@ -33,6 +35,13 @@ def written(folder, plots=(PLOTS[0], POSITION, PLOTS[1]), **more) -> str:
 def test_a_report_without_curves_has_no_chart() -> None:
     summary = results.build_summary(results.RunInfo("x"), Evaluation(), {}) | {"sentence": ""}
     assert "class Chart" not in report_page.report_html(summary, Evaluation(), {})
+
+
+def test_the_first_sentence_of_a_description_stands_alone_and_code_is_marked() -> None:
+    text = "A tip of 2.5 mm in `a<b>` moves. It stops. Then it waits."
+    assert report_page.split_first_sentence(text) == ("A tip of 2.5 mm in `a<b>` moves.", "It stops. Then it waits.")
+    assert report_page.split_first_sentence("") == ("", "")
+    assert report_page.mark_code("in `a<b>`") == "in <code>a&lt;b&gt;</code>"
 
 
 def test_points_of_a_page_are_limited() -> None:
@@ -89,7 +98,7 @@ def test_panes_hold_what_was_recorded_and_what_failed() -> None:
     np.testing.assert_array_equal(shaded, inside)
     assert [limit["y"] for limit in first["limits"]] == pytest.approx([0.1, 0.22])
     assert set(first["curves"][0]) >= {"name", "low", "high"}
-    assert force.marks == [{"at": 2.0, "text": "a.k = 4"}]
+    assert force.marks == [{"at": 2.0, "text": "1"}]
     assert force.command == "twin view runs/x --signal a.force"
     assert loop.panels[0][0]["own"]
     assert nothing.panels == []
@@ -168,3 +177,36 @@ def test_paper_has_plots_in_light_and_a_phone_has_nothing_cut(page) -> None:
     page.set_viewport_size({"width": 360, "height": 740})
     page.wait_for_function("document.documentElement.scrollWidth === 360")  # charts follow their size a moment later
     assert page.locator("nav").evaluate("(nav) => getComputedStyle(nav).position") == "sticky"
+
+
+@pytest.mark.slow
+def test_legends_that_wrap_cover_no_curve(page) -> None:
+    rows = f"{CHARTS}.flatMap((chart) => [...chart.legends.children].map((row, k) => chart.boxes[k].top - row.offsetTop - row.offsetHeight))"
+    page.add_style_tag(content=".panels { max-width: 150px; }")  # chart and legends change in one frame
+    page.wait_for_function(f"{CHARTS}.every((chart) => chart.width === 150)")
+    page.wait_for_function(f"{rows}.every((gap) => gap >= 0)", timeout=3000)
+
+
+@pytest.mark.slow
+def test_curves_have_three_quarters_beside_a_scene_and_a_cut_table_says_so(page) -> None:
+    page.evaluate("document.body.classList.add('with-films')")
+    page.wait_for_function(f"{CHARTS}[0].width > 0.7 * document.querySelector('#plots').clientWidth")
+    table = page.locator("#events .scroll")
+    page.add_style_tag(content="#events table { min-width: 400px; }")
+    sign = "(box) => getComputedStyle(box, '::before').content"
+    assert table.evaluate(sign) == "none"
+    page.set_viewport_size({"width": 360, "height": 740})
+    page.wait_for_function("document.querySelector('#events .scroll').matches('.cut')")
+    assert "scroll" in table.evaluate(sign)
+
+
+@pytest.mark.slow
+def test_a_drawing_keeps_legible_letters_and_says_that_it_goes_on(browser, tmp_path) -> None:
+    svg = picture.draw(dict.fromkeys("abcdefgh", ""), dict.fromkeys(pairwise("abcdefgh"), ()))
+    written(tmp_path, structures=[((svg, "remark"), ["PI"])])
+    page = browser.new_page(viewport={"width": 360, "height": 740})
+    page.goto(f"file://{tmp_path}/report.html")
+    page.wait_for_function("document.querySelector('.drawing').matches('.cut')")
+    shown, full = page.locator(".drawing > svg").evaluate("(svg) => [svg.clientWidth, svg.viewBox.baseVal.width]")
+    assert shown >= 0.74 * full
+    page.close()

@@ -25,7 +25,7 @@ from twin.results import (
 )
 from twin.results.evaluation import expression
 from twin.results.evaluation.metrics import MetricResult
-from twin.run import report, report_curves
+from twin.run import report, report_curves, report_plots
 from twin.run.conditions import add_occurrences, condition_notes, occurrences
 from twin.run.coupling_report import component_names, is_growing
 from twin.run.event_table import EventRow, event_rows
@@ -117,6 +117,11 @@ def test_occurrences_in_the_summary() -> None:
         (310.15, "K", "degC", "37"),
         (37.0, "degC", "K", "310.15"),
         (1 / 3, "m", "m", "0.333333"),
+        (10.0, "rad/s", "deg/s", "573"),
+        (0.0123456, "rad", "deg", "0.7074"),
+        (123456.0, "m", "km", "123.5"),
+        (1234560.0, "Pa", "hPa", "12345.6"),
+        (0.03625, "N", "mN", "36.25"),
         ([0.001, 0.002], "m", "mm", "[1, 2]"),
         (list(range(6)), "", "", "[0, 1, 2, 3, 4, 5]"),
         (list(range(7)), "", "", "[0, 1, 2, … 6] (7)"),
@@ -125,6 +130,15 @@ def test_occurrences_in_the_summary() -> None:
 )
 def test_parameters_in_their_display_unit(value: object, unit: str, display: str, text: str) -> None:
     assert report.format_parameter(value, unit, display) == text
+
+
+def test_small_parameters_have_a_small_unit() -> None:
+    assert report.unit_for_size(1e-4, "m") == "mm"
+    assert report.unit_for_size([0.0, 0.02], "s") == "ms"
+    assert report.unit_for_size(0.5, "m") == "m"
+    assert report.unit_for_size(1e-4, "kg") == "kg"
+    assert report.unit_for_size("file.csv", "m") == "m"
+    assert report.unit_for_size(None, "m") == "m"
 
 
 def refinement(value: float | None, half: float | None, scale: float = 0.0, unit: str = "mN") -> StepRefinement:
@@ -184,16 +198,20 @@ def test_a_matrix_has_failures_first() -> None:
     found = build_matrix(evaluation, violations)
     assert found.columns == (("last", "mN", "final of a.force"), ("mean", "mN", "mean force"))
     assert found.rows == (
-        MatrixRow("FF", (MatrixCell("60", "50", 0.06, "fail"), MatrixCell("60", "", 0.06, "info")), ("small",)),
+        MatrixRow("FF", (MatrixCell("60", "50", 0.06, "fail"), MatrixCell("60", "", 0.06, "info")), ("small", "last")),
         MatrixRow("PI", (MatrixCell(), MatrixCell("30", "", 0.03, "info")), ()),
     )
-    assert [row.has_failures for row in found.rows] == [True, False]
-    for verdict, fails in (("fail", True), ("none", True), ("pass", False), ("other", False)):
-        assert MatrixRow("PI", (MatrixCell(verdict=verdict),), ()).has_failures is fails
     assert not found.is_large
     assert type(found)((), found.rows * 3).is_large
     assert type(found)((), (found.rows * 3)[:5]).is_large
     assert not type(found)((), (found.rows * 3)[:4]).is_large
+
+
+def test_a_matrix_has_metrics_with_a_reference_before_others() -> None:
+    metrics = {name: Metric(name, FORCE, "mean", paper={"PI": 1.0} if name == "b" else {}) for name in "abc"}
+    tables = {("PI", 1): Signals(np.arange(2.0), {"a.force": np.ones(2)}, {"a.force": "N"})}
+    found = build_matrix(evaluate(metrics, [], tables), [])
+    assert [name for name, _, _ in found.columns] == ["b", "a", "c"]
 
 
 def test_lines_of_failures() -> None:
@@ -297,10 +315,13 @@ def test_values_of_a_page_are_multiples_of_a_power_of_two(span: float) -> None:
 def test_events_of_the_variants_of_a_plot() -> None:
     time = np.arange(2.0)
     tables = {(name, 1): Signals(time, {}) for name in ("PI", "FF")}
-    events = [EventLine(1.0, "set a.k = 1"), EventLine(1.0, "set a.k = 1"), EventLine(2.0, "stop", ("FF",))]
-    one = {"at": 1.0, "text": "a.k = 1"}
-    assert report_curves.event_marks(events, Plot("", (), variants=("PI",)), tables) == [one]
-    assert report_curves.event_marks(events, Plot("", ()), tables) == [one, {"at": 2.0, "text": "stop"}]
+    events = [EventLine(1.0, "set a.k = 1"), EventLine(1.0, "set b.k = 1"), EventLine(2.0, "stop", ("FF",))]
+    curves = (PlotCurve(expression.parse("a.k"), "k"),)
+    both = {"at": 1.0, "text": "1-2"}
+    numbered = report_plots.events_in_plot(Plot("", curves, variants=("PI",)), tables, events)
+    assert report_curves.event_marks(numbered) == [both]
+    numbered = report_plots.events_in_plot(Plot("", curves), tables, events)
+    assert report_curves.event_marks(numbered) == [both, {"at": 2.0, "text": "3"}]
 
 
 def test_panes_of_a_plot() -> None:

@@ -1,6 +1,7 @@
 """The drawing of a system: columns, order, heights, lines, arrows and texts, with the numbers of the layout by hand."""
 
 import re
+from itertools import pairwise
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -57,7 +58,7 @@ def test_two_members_with_a_connection_and_back():
 
 
 def test_labels_and_notes_make_room():
-    """A label of 10 characters needs 22 + 61 px between the columns; a note 13 px below; a long component is cut."""
+    """Labels of 10 and 4 characters, of both directions, need 22 + 14 * 6.1 px between the columns; a note 13 px below; a long component is cut."""
     size, boxes, texts, _ = drawn(
         {"a": "C" * 22, "b": "D" * 23},
         {("a", "b"): [], ("b", "a"): []},
@@ -67,20 +68,31 @@ def test_labels_and_notes_make_room():
     width = 18 + 22 * 6.1
     assert boxes == [
         (8, 13, pytest.approx(width, abs=0.06)),
-        (pytest.approx(8 + width + 83, abs=0.06), 13, pytest.approx(width, abs=0.06)),
+        (pytest.approx(8 + width + 107.4, abs=0.06), 13, pytest.approx(width, abs=0.06)),
     ]
-    assert size == (0, 0, round(16 + 2 * width + 83), 62 + 10 + 13)
+    assert size == (0, 0, round(16 + 2 * width + 107.4), 62 + 10 + 13)
     found = {text: (x, y, anchor) for x, y, text, anchor in texts}
     assert found["label of 1"] == (
-        pytest.approx(8 + width + 83 - 9, abs=0.06),
-        25.5,
+        pytest.approx(8 + width + 107.4 - 9, abs=0.06),
+        24.5,
         "end",
     )  # before the arrow, above the line
-    assert found["5 ms"] == (pytest.approx(8 + width + 9, abs=0.06), 34.5, "start")
+    assert found["5 ms"] == (pytest.approx(8 + width + 9, abs=0.06), 36.5, "start")
     assert found["1."] == (pytest.approx(8 + width / 2, abs=0.06), 33 + 20 + 12, "middle")
     assert "C" * 22 in found
     assert "D" * 21 + "…" in found
     assert drawn({"name of a part": ""}, {})[1][0][2] == 18 + 14 * 7
+
+
+@pytest.mark.parametrize("count", [2, 3, 8])
+def test_labels_at_one_box_do_not_overlap(count):
+    """Their letters are 10 px high; the box is as high as they need."""
+    edges = {(f"m{k}", "last"): "5 ms" for k in range(count)}
+    members = dict.fromkeys([*(source for source, _ in edges), "last"], "")
+    _, _, texts, _ = drawn(members, dict.fromkeys(edges, ()), {}, edges)
+    heights = sorted(y for _, y, text, _ in texts if text == "5 ms")
+    assert all(lower - upper >= 10 for upper, lower in pairwise(heights))
+    assert len(heights) == count
 
 
 def test_a_connection_of_a_member_to_itself():

@@ -76,7 +76,7 @@ def test_order_delays_and_feedthrough(masses, build):
     assert [wire.delay for wire in jacobi.wires] == ["10 ms", "10 ms"]
     assert jacobi.parts[0].feedthrough == (("force", ("other",)),)
     assert jacobi.parts[1].feedthrough == ()
-    assert jacobi.summary == "jacobi, communication step 10 ms. Values are used 10 ms late."
+    assert jacobi.summary == "jacobi, communication step 10 ms. Delay of each connection: 10 ms."
     sequence = described(masses, build, "algorithm=gauss_seidel")
     assert [(wire.source, wire.delay) for wire in sequence.wires] == [
         ("a", "10 ms"),
@@ -93,7 +93,7 @@ def test_a_loop_at_one_instant_is_told(tmp_path, build):
     )
     found = described(path, build)
     assert [set(loop) for loop in found.loops] == [{"a.y", "b.y"}]
-    assert "Depend on each other at one instant: " in found.summary
+    assert "Solved together at each instant (algebraic loop): " in found.summary
 
 
 def test_the_picture_names_what_differs(masses, tmp_path):

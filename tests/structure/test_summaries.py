@@ -21,10 +21,10 @@ def described(*wires, ranks=(1, 1), periods=(MS, MS), loops=()):
     ("delays", "usual", "sentence"),
     [
         ([], "", ""),
-        ([[0]], "0 s", " Values are used in the step in which they are computed."),
-        ([[MS]], "1 ms", " Values are used 1 ms late."),
-        ([[MS], [0], [MS]], "1 ms", " Values are used 1 ms late, where nothing else is written."),
-        ([[5 * MS, 0]], "0 s, 5 ms", " Values are used 0 s, 5 ms late."),
+        ([[0]], "0 s", " Delay of each connection: none."),
+        ([[MS]], "1 ms", " Delay of each connection: 1 ms."),
+        ([[MS], [0], [MS]], "1 ms", " Delay of each connection: 1 ms unless labeled."),
+        ([[5 * MS, 0]], "0 s, 5 ms", " Delay of each connection: 0 s or 5 ms."),
     ],
 )
 def test_the_usual_delay(delays, usual, sentence):
@@ -35,7 +35,7 @@ def test_the_usual_delay(delays, usual, sentence):
 
 def test_loops_are_in_the_summary():
     found = described(loops=(("a.y", "b.y"), ("c.y",)))
-    assert found.summary.endswith("1 ms. Depend on each other at one instant: a.y, b.y; c.y.")
+    assert found.summary.endswith("1 ms. Solved together at each instant (algebraic loop): a.y, b.y; c.y.")
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import lazy_loader
 from twin.results import plot_annotations
 from twin.results.analysis import Analysis
 from twin.results.evaluation import dimension, expression
-from twin.results.evaluation.coverage import ends_before, shorten
+from twin.results.evaluation.coverage import ends_before, list_names, quote_names
 from twin.results.evaluation.expression import Expression
 from twin.results.evaluation.hardware_termination import HardwareTermination
 from twin.results.evaluation.metric_format import MetricFormat, common_format, metric_formats
@@ -24,7 +24,7 @@ from twin.results.evaluation.metrics import (
 )
 from twin.results.evaluation.sentence import check_sentence, fill_sentence
 from twin.results.evaluation.violations import Violation, consecutive_spans, find_violations
-from twin.results.plot_annotations import EventLine
+from twin.results.plot_annotations import EventLine, join_numbers
 from twin.results.recording import rows, run_folder, signals, stream
 from twin.results.recording.latest_run import LATEST, finished_runs, is_finished_run, link_latest, resolve_latest
 from twin.results.recording.run_folder import RecordedVariable, count_verdicts, write_text
@@ -87,17 +87,19 @@ __all__ = [
     "format_value",
     "histogram",
     "is_finished_run",
+    "join_numbers",
     "link_latest",
+    "list_names",
     "list_recorded_variables",
     "metric_formats",
     "plot_annotations",
     "plotting",
+    "quote_names",
     "read_variables",
     "readable_recording",
     "resolve_latest",
     "rows",
     "run_folder",
-    "shorten",
     "si_conversion",
     "signals",
     "stream",

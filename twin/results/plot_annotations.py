@@ -23,6 +23,7 @@ LETTER_WIDTH = 3.6  # width of a letter [pt] at FONT_SIZE
 FONT_SIZE = 6.5  # [pt]
 MAX_RINGS = 12  # of a curve; further violations are marked in red only
 MIN_EVENT_DISTANCE = 0.022  # relative to the axis' width: about two lines of text, which would overlap
+MIN_NUMBER_DISTANCE = 0.05  # the same for numbers, which are written horizontally: about seven letters
 
 QUANTITIES = {  # labels of axes with several signals
     "m": "length",
@@ -83,9 +84,11 @@ def draw_events(axis: Any, events: Iterable[EventLine], names: Sequence[str], fa
         if (not event.variants or set(event.variants) & set(names)) and left < event.time * factor < right
     )
     groups: list[tuple[float, list[str]]] = []
+    are_numbers = all(name.isdigit() for _, name in selected)
+    distance = MIN_NUMBER_DISTANCE if are_numbers else MIN_EVENT_DISTANCE
     for time, name in dict.fromkeys(selected):
         axis.axvline(time, color=EVENT_COLOR, linewidth=0.9, linestyle=":", zorder=1)
-        if groups and time - groups[-1][0] < MIN_EVENT_DISTANCE * (right - left):
+        if groups and time - groups[-1][0] < distance * (right - left):
             groups[-1][1].append(name)
         else:
             groups.append((time, [name]))
@@ -94,8 +97,8 @@ def draw_events(axis: Any, events: Iterable[EventLine], names: Sequence[str], fa
         axis.text(
             time,
             0.985,
-            "\n".join(lines),
-            rotation=90,
+            f"\N{NO-BREAK SPACE}{join_numbers(map(int, group_names))}" if are_numbers else "\n".join(lines),
+            rotation=0 if are_numbers else 90,
             transform=axis.get_xaxis_transform(),
             fontsize=FONT_SIZE,
             color="#8a5a00",
@@ -105,6 +108,17 @@ def draw_events(axis: Any, events: Iterable[EventLine], names: Sequence[str], fa
             clip_on=True,
             zorder=4,
         )
+
+
+def join_numbers(numbers: Iterable[int]) -> str:
+    """Join numbers, consecutive ones as a range: `1-3, 5`."""
+    ranges: list[list[int]] = []
+    for number in sorted(set(numbers)):
+        if ranges and number == ranges[-1][-1] + 1:
+            ranges[-1] = [ranges[-1][0], number]
+        else:
+            ranges.append([number])
+    return ", ".join("-".join(map(str, ends)) for ends in ranges)
 
 
 def wrap_name(name: str, letters: int) -> list[str]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from twin import clock
-from twin.results import EventLine
+from twin.results import EventLine, quote_names
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -56,5 +56,5 @@ def event_rows(cases: Sequence[Case], occurrences: Iterable[Mapping[str, Any]] =
     for (time, what, label), variants in sorted(variants_of.items(), key=lambda entry: entry[0][0]):
         names = tuple(dict.fromkeys(variants))
         names = () if len(names) == count else names
-        rows.append(EventRow(time, what, ", ".join(names), names, label))
+        rows.append(EventRow(time, what, ", ".join(quote_names(names)), names, label))
     return rows

@@ -3,14 +3,14 @@
 import { Chart } from "./chart.js";
 import { unpack, visible } from "./samples.js";
 
-const PANE = 150, LOOP = 300, HEAD = 26, FOOT = 44; // heights of panes, their legends and the axis [px]
+const PANE = 150, LOOP = 260, HEAD = 50; // heights of panes, and of a legend with the axis until they are measured [px]
 const charts = [];
 let player = null, shownTime = null;
 
 class ReportChart extends Chart {
   constructor(element, panes, marks) {
     const isLoop = panes[0].own;
-    element.style.height = `${isLoop ? LOOP : panes.length * (PANE + HEAD) + FOOT}px`;
+    element.style.height = `calc(${isLoop ? LOOP : panes.length * PANE}px + var(--heads, ${HEAD}px))`;  // chart.js: legends, axis
     super(element, { panes, marks: isLoop ? [] : marks, source: curvesOf(isLoop) });
     this.notify = (event, detail) => this.share(event, detail);
     element.chart = this; // for tests, and for the console of the browser
@@ -61,9 +61,13 @@ for (const [id, { panels, marks }] of Object.entries(JSON.parse(document.getElem
 const films = JSON.parse(document.getElementById("films").textContent), stage = document.querySelector(".player");
 if (films.length) {
   document.body.classList.add("with-films");
-  player = new Player(stage, films, () => Math.max(innerHeight * (innerWidth < 1000 ? 0.26 : 0.5), 150), chartTimes);
+  player = new Player(stage, films, () => Math.max(innerHeight * (innerWidth < 1100 ? 0.2 : 0.5), 150), chartTimes);
   scrollThrough(stage);
 }
+
+// tables and drawings that are wider than the page say so
+const widths = new ResizeObserver((entries) => { for (const { target } of entries) target.classList.toggle("cut", target.scrollWidth > target.clientWidth + 1); });
+for (const table of document.querySelectorAll(".scroll, .drawing")) widths.observe(table);
 
 // the viewer that serves this report, if one does: a file cannot start it
 const viewer = document.documentElement.dataset.viewer;

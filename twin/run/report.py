@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -12,8 +13,10 @@ from twin.results import (
     Evaluation,
     ExpectationResult,
     MetricResult,
+    common_format,
+    list_names,
     metric_formats,
-    shorten,
+    quote_names,
     si_conversion,
 )
 
@@ -69,7 +72,7 @@ def metric_cells(result: MetricResult, style: MetricFormat) -> dict[str, str]:
         "metric": result.metric.name,
         "variant": result.variant,
         "verdict": result.verdict,
-        "paper": style.text(result.paper),
+        "paper": style.reference(result.paper),
         "mean": "no value" if result.verdict == "none" else style.text(result.mean, result.scale),
         "worst": style.text(result.worst, result.scale),
         "ratio": "-" if result.ratio is None else f"{result.ratio:.2f}",
@@ -132,7 +135,7 @@ def count_expectations(results: Sequence[ExpectationResult]) -> dict[str, str]:
     names = {verdict: [each.name for each in results if each.verdict == verdict] for verdict in ("skipped", "pass")}
     subjects = {verdict: f"{len(each)} expectation{'s' * (len(each) > 1)}" for verdict, each in names.items()}
     texts = {
-        "skipped": f"{subjects['skipped']} (--verbose says why): {shorten(names['skipped'])}.",
+        "skipped": f"{subjects['skipped']} (--verbose says why): {list_names(names['skipped'])}.",
         "pass": f"{subjects['pass']} (--verbose lists {'them' if len(names['pass']) > 1 else 'it'}).",
     }
     return {verdict: text for verdict, text in texts.items() if names[verdict]}
@@ -336,8 +339,9 @@ def parameter_rows(
                 given = any(key.partition("[")[0] == name for key in case.members[member].parameters)
                 if name == "seed" and not given:
                     continue  # differs in every run
-                unit = variable.display_unit or variable.unit
-                text = format_parameter(values.get(name, variable.start), variable.unit, unit)
+                value = values.get(name, variable.start)
+                unit = variable.display_unit or unit_for_size(value, variable.unit)
+                text = format_parameter(value, variable.unit, unit)
                 variants_of.setdefault((member, name), {}).setdefault((text, unit, given), []).append(case.variant)
                 descriptions[member, name] = variable.description
     count = len({case.variant for case in cases})
@@ -350,15 +354,21 @@ def parameter_rows(
             descriptions[member, name],
             (sources or {}).get(f"{member}.{name}", ""),
             given,
-            "" if len(variants) == count else ", ".join(variants),
+            "" if len(variants) == count else ", ".join(quote_names(variants)),
         )
         for (member, name), texts in variants_of.items()
         for (text, unit, given), variants in texts.items()
     ]
 
 
+def unit_for_size(value: Any, unit: str) -> str:
+    """Return the unit in which a parameter is shown: a smaller one such as mm for small values [SI]."""
+    array = np.asarray(value)
+    return common_format(array.ravel().tolist(), unit).unit if array.dtype.kind == "f" else unit
+
+
 def format_parameter(value: Any, unit: str, display: str) -> str:
-    """Format a value in its display unit, long arrays shortened."""
+    """Format a value in its display unit, long arrays shortened; conversion adds no digits: 573 deg/s for 10 rad/s."""
     if value is None:
         return ""
     array = np.asarray(value)
@@ -366,6 +376,11 @@ def format_parameter(value: Any, unit: str, display: str) -> str:
         (factor, offset), (shown_factor, shown_offset) = si_conversion(unit), si_conversion(display)
         array = (array * factor + offset - shown_offset) / shown_factor
     texts = [f"{item:.6g}" if isinstance(item, float) else str(item) for item in array.ravel().tolist()]
+    if display != unit:
+        texts = [
+            f"{float(text):.4g}" if re.fullmatch(r"-?(0\.0*\d{6}|(?=.{7}$)\d{1,3}\.\d+)", text) else text
+            for text in texts
+        ]
     if array.ndim == 0:
         return texts[0]
     return f"[{', '.join(texts)}]" if len(texts) <= 6 else f"[{', '.join(texts[:3])}, … {texts[-1]}] ({len(texts)})"

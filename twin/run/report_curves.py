@@ -9,7 +9,7 @@ import numpy as np
 
 from twin import clock
 from twin.component import unit as units
-from twin.results import consecutive_spans, dimension, plotting
+from twin.results import consecutive_spans, dimension, join_numbers, plotting
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -176,12 +176,9 @@ def seed_area(time: NDArray[Any], seeds: Sequence[Points], points: int) -> tuple
     return (time[edges], low), (time[edges], high)
 
 
-def event_marks(events: Iterable[EventLine], plot: Plot, tables: Tables) -> list[dict[str, Any]]:
-    """Return the events of a plot's variants as marks of a chart."""
-    variants = {variant for variant, _ in plotting.selected_tables(plot, tables)}
-    marks = {
-        (event.time, event.name): {"at": event.time, "text": event.name.removeprefix("set ")}
-        for event in events
-        if not event.variants or variants & set(event.variants)
-    }
-    return list(marks.values())
+def event_marks(events: Mapping[int, EventLine]) -> list[dict[str, Any]]:
+    """Return numbered events as marks of a chart; those at one time share a mark."""
+    numbers: dict[float, list[int]] = {}
+    for number, event in events.items():
+        numbers.setdefault(event.time, []).append(number)
+    return [{"at": time, "text": join_numbers(group)} for time, group in numbers.items()]

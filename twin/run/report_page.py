@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from twin.results import Expectation, HardwareTermination, Plot, count_verdicts, find_violations
+from twin.results import Expectation, HardwareTermination, Plot, count_verdicts, find_violations, quote_names
 from twin.run.report import VERDICTS, has_own_name, is_failure, list_failures, metric_rows
 from twin.run.report_plots import HERE, ReportFigure, draw_plots
 from twin.run.variant_matrix import build_matrix
@@ -14,6 +15,8 @@ from twin.web import PackedArrays, chart_script, embed_json, report_templates
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
+
+    from markupsafe import Markup
 
     from twin.results import Evaluation, Signals
     from twin.run.event_table import EventRow
@@ -46,6 +49,33 @@ def metric_groups(evaluation: Evaluation) -> dict[str, list[dict[str, str]]]:
     for row in metric_rows(evaluation.metric_results):
         groups.setdefault(row["metric"], []).append(row)
     return dict(sorted(groups.items(), key=lambda group: not any(map(is_failure, group[1]))))
+
+
+def compare_with_paper(evaluation: Evaluation) -> str:
+    """Return a sentence on the published values: how many are met, and the range of twin / paper; empty without them."""
+    results = [result for result in evaluation.metric_results if result.ratio is not None]
+    judged = [result for result in results if result.verdict in ("pass", "fail")]
+    ratios = [result.ratio for result in judged or results if result.ratio is not None]
+    if not ratios:
+        return ""
+    passed = sum(result.verdict == "pass" for result in judged)
+    values = f"{len(ratios)} published value{'s' * (len(ratios) != 1)}"
+    text = f"{passed} of {values} within their tolerance" if judged else f"{values}, not judged"
+    low, high = f"{min(ratios):.2f}", f"{max(ratios):.2f}"
+    return f"{text}; twin / paper: {low if low == high else f'{low} to {high}'}."
+
+
+def split_first_sentence(text: str) -> tuple[str, str]:
+    """Return the first sentence of a text, and the others."""
+    first, *rest = re.split(r"(?<=[a-z0-9)][.])\s+(?=[A-Z])", text.strip(), maxsplit=1)
+    return first, " ".join(rest)
+
+
+def mark_code(text: str) -> Markup:
+    """Return a text as HTML, with what stands in backticks as code."""
+    from markupsafe import Markup, escape
+
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))  # noqa: S704 - escaped
 
 
 def link_failures(evaluation: Evaluation, figures: Sequence[ReportFigure]) -> list[tuple[str, str]]:
@@ -105,6 +135,10 @@ def report_html(
             events=events,
             words={key: word for key, (word, _) in VERDICTS.items()},
             named=has_own_name,
+            quote_names=quote_names,
+            mark_code=mark_code,
+            comparison=compare_with_paper(evaluation),
+            description=split_first_sentence(summary["scenario"]["description"]),
             terminations=early_terminations(terminations),
             has_reference=any(result.paper is not None for result in evaluation.metric_results),
             variants=list(dict.fromkeys(variant for variant, _ in tables)),
@@ -133,7 +167,9 @@ def titled_structures(
     structures: Sequence[tuple[tuple[str, str], Sequence[str]]],
 ) -> list[tuple[str, str, str]]:
     """Return each diagram as (SVG, remarks, names of its variants); no names where there is one diagram only."""
-    return [(svg, remarks, ", ".join(names) * (len(structures) > 1)) for (svg, remarks), names in structures]
+    return [
+        (svg, remarks, ", ".join(quote_names(names)) * (len(structures) > 1)) for (svg, remarks), names in structures
+    ]
 
 
 def group_by_member(parameters: Sequence[ParameterRow]) -> dict[str, list[ParameterRow]]:

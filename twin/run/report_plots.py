@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlencode
 
 from twin import clock
-from twin.results import Plot, PlotCurve
+from twin.results import Plot, PlotCurve, plotting
 from twin.run import report_curves
 
 if TYPE_CHECKING:
@@ -28,8 +28,8 @@ MAX_PANELS = 6  # variants in a plot of a violation; the matrix shows the others
 class ReportFigure:
     """Figure of a report: SVG for paper; charts of panes in its place on a screen, with events as marks.
 
-    `points`: of each curve of its charts, at most. `command`: shows all samples; `query`: of the viewer's address, too.
-    `violations`: names of those it shows. `is_scene`: replaced by a film.
+    `events`: by the numbers of their marks. `points`: of each curve of its charts, at most.
+    `command`: shows all samples; `query`: of the viewer's address, too. `violations`: names of those it shows. `is_scene`: replaced by a film.
     """
 
     title: str
@@ -37,6 +37,7 @@ class ReportFigure:
     note: str = ""
     panels: Sequence[Any] = ()
     marks: Sequence[Any] = ()
+    events: Mapping[int, EventLine] = field(default_factory=dict)
     points: int = 0
     command: str = ""
     query: str = ""
@@ -53,21 +54,22 @@ def draw_plots(
     folder: str,
 ) -> list[ReportFigure]:
     """Draw the plots, those of violations that no other shows first; without plots every recorded signal is drawn."""
-    from twin.results import plotting
-
     scenario_plots = list(plots) or plotting.default_plots(tables)
     all_plots = [*plots_of_unshown_violations(scenario_plots, tables, violations), *scenario_plots]
     points = report_curves.points_per_curve(all_plots, tables)
     figures = []
     for number, plot in enumerate(all_plots):
         shown = [violation for violation in violations if violation.is_shown_in(plot, tables)]
+        numbered = events_in_plot(plot, tables, events)
+        numbers = [replace(event, name=str(key)) for key, event in numbered.items()]
         figures.append(
             ReportFigure(
                 plot.title,
-                plotting.plot_svg(plot, tables, events, str(number), violations),
-                plot_note(plot, tables, events, shown),
+                plotting.plot_svg(plot, tables, numbers, str(number), violations),
+                plot_note(plot, tables, shown),
                 report_curves.plot_charts(plot, tables, violations, arrays, points),
-                report_curves.event_marks(events, plot, tables),
+                report_curves.event_marks(numbered),
+                numbered,
                 points,
                 view_command(plot, folder),
                 urlencode([("signal", name) for name in viewed_signals(plot)]),
@@ -115,22 +117,32 @@ def is_in_window(plot: Plot, time: float) -> bool:
     return (start is None or clock.seconds(start) < time) and (stop is None or time < clock.seconds(stop))
 
 
-def plot_note(plot: Plot, tables: Tables, events: Iterable[EventLine], shown_violations: Sequence[Violation]) -> str:
+def events_in_plot(plot: Plot, tables: Tables, events: Iterable[EventLine]) -> dict[int, EventLine]:
+    """Return the events that a plot over time shows, by their numbers in the table of all events, counted from 1."""
+    if plotting.is_loop_plot(plot):
+        return {}
+    variants = {variant for variant, _ in plotting.selected_tables(plot, tables)}
+    return {
+        number: event
+        for number, event in enumerate(events, 1)
+        if is_in_window(plot, event.time) and (not event.variants or variants & set(event.variants))
+    }
+
+
+def plot_note(plot: Plot, tables: Tables, shown_violations: Sequence[Violation]) -> str:
     """Describe the annotations of a plot."""
     parts = []
     if plot.band:
         parts.append(f"band: {' to '.join(plot.shown(value) for value in plot.band)}")
     if plot.lines:
         parts.append("dashed: " + ", ".join(plot.shown(value) for value in plot.lines))
-    if plot.curves[0].x is None and any(is_in_window(plot, item.time) for item in events):
-        parts.append("dotted: events")
     seeds = list(dict.fromkeys(seed for _, seed in tables))
     if len(seeds) > 1:
         parts.append(
             f"bold: seed {seeds[0]}; faint: {'seed' if len(seeds) == 2 else 'seeds'} {', '.join(map(str, seeds[1:]))}"
         )
     if shown_violations:
-        parts.append("red: not " + "; not ".join(item.text for item in shown_violations))
+        parts.append("red: violates " + "; violates ".join(item.text for item in shown_violations))
     missing = (
         len(shown_violations[0].variants) - MAX_PANELS
         if shown_violations and plot.title == f"Failed: {shown_violations[0].name}"

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from twin.results import Evaluation, Metric, Violation
 
+FAILED = ("fail", "none")  # verdicts of metrics
 MIN_VARIANTS = 5  # a list of fewer is readable at a glance
 
 
@@ -27,16 +28,11 @@ class MatrixCell:
 
 @dataclass(frozen=True)
 class MatrixRow:
-    """Row of a variant: its metrics, and its failed expectations."""
+    """Row of a variant: its metrics, and the names of its failed expectations and metrics."""
 
     variant: str
     cells: tuple[MatrixCell, ...]
-    failed: tuple[str, ...]
-
-    @property
-    def has_failures(self) -> bool:
-        """Whether an expectation or a metric of the variant fails."""
-        return bool(self.failed) or any(cell.verdict in ("fail", "none") for cell in self.cells)
+    failures: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -53,9 +49,11 @@ class Matrix:
 
 
 def build_matrix(evaluation: Evaluation, violations: Sequence[Violation]) -> Matrix:
-    """Collect the means of all metrics of all variants; variants and metrics with failures come first."""
-    failed_first = sorted(evaluation.metric_results, key=lambda result: result.verdict not in ("fail", "none"))
-    metrics: dict[str, Metric] = {result.metric.name: result.metric for result in failed_first}
+    """Collect the means of all metrics of all variants; failures come first, then metrics with a reference value."""
+    by_weight = sorted(
+        evaluation.metric_results, key=lambda result: (result.verdict not in FAILED, result.paper is None)
+    )
+    metrics: dict[str, Metric] = {result.metric.name: result.metric for result in by_weight}
     results = {(result.variant, result.metric.name): result for result in evaluation.metric_results}
     formats = metric_formats(evaluation.metric_results)
     failed_names: dict[str, list[str]] = {}
@@ -73,11 +71,16 @@ def build_matrix(evaluation: Evaluation, violations: Sequence[Violation]) -> Mat
             factor, offset = si_conversion(metric.unit, metric.is_difference)
             value = None if result.mean is None else (result.mean - offset) / factor
             text = "no value" if value is None else formats[name].number(result.mean, result.scale)
-            paper = "" if result.paper is None else formats[name].number(result.paper)
+            paper = (
+                ""
+                if result.paper is None
+                else formats[name].reference(result.paper).removesuffix(formats[name].label).rstrip()
+            )
             cells.append(MatrixCell(text, paper, value, result.verdict))
-        rows.append(MatrixRow(variant, tuple(cells), tuple(failed_names.get(variant, ()))))
+        failed_metrics = [name for name, cell in zip(metrics, cells, strict=True) if cell.verdict in FAILED]
+        rows.append(MatrixRow(variant, tuple(cells), (*failed_names.get(variant, ()), *failed_metrics)))
     columns = tuple(
         (name, formats[name].label, metric.description or f"{metric.reduce} of {metric.signal.text}")
         for name, metric in metrics.items()
     )
-    return Matrix(columns, tuple(sorted(rows, key=lambda row: not row.has_failures)))
+    return Matrix(columns, tuple(sorted(rows, key=lambda row: not row.failures)))

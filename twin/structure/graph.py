@@ -74,11 +74,11 @@ class Structure:
         sentences = [f"{self.algorithm}, communication step {clock.text(self.step)}."]
         if self.usual:
             differ = any(wire.delay != self.usual for wire in self.wires)
-            when = "in the step in which they are computed" if self.usual == "0 s" else f"{self.usual} late"
-            sentences.append(f"Values are used {when}{', where nothing else is written' * differ}.")
+            delay = "none" if self.usual == "0 s" else self.usual.replace(", ", " or ")
+            sentences.append(f"Delay of each connection: {delay}{' unless labeled' * differ}.")
         if self.loops:
             names = "; ".join(", ".join(loop) for loop in self.loops)
-            sentences.append(f"Depend on each other at one instant: {names}.")
+            sentences.append(f"Solved together at each instant (algebraic loop): {names}.")
         return " ".join(sentences)
 
     def svg(self, alone: bool = False) -> str:

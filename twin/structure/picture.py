@@ -18,12 +18,14 @@ if TYPE_CHECKING:
     Edge = tuple[str, str]
     Layers = list[list["Slot"]]
 
-HEIGHT = 40.0  # of a box [px]
+HEIGHT = 40.0  # of a box with few connections [px]
+PORT, LABELED_PORT = 9.0, 12.0  # largest distance of connections at a box, and the least of labeled ones [px]
 NOTE = 13.0  # of a line for a note below a box [px]
 GAP = 18.0  # between boxes of a column
 LINE = 10.0  # height that a passing line takes in a column
 ROOM = 56.0  # between columns
 SWEEPS = 8
+FORWARD, BACKWARD = "#3b8fd4", "#d1495b"  # colors of connections
 LETTER, SMALL = 7.0, 6.1  # width of a letter of a member's name, and of a component [px]
 LONGEST = 22  # characters of a component that are shown
 
@@ -36,11 +38,18 @@ class Slot:
     before: list[tuple[Slot, Edge]] = field(default_factory=list)
     behind: list[tuple[Slot, Edge]] = field(default_factory=list)
     y: float = 0.0  # of its middle
+    is_labeled: bool = False  # whether labels stand at its connections
+
+    @property
+    def height(self) -> float:
+        """Height of the box of a member [px]: labels of its connections do not overlap."""
+        ports = max(len(self.before), len(self.behind))
+        return max(HEIGHT, LABELED_PORT * ports + 8) if self.is_labeled else HEIGHT
 
     @property
     def half(self) -> float:
         """Half of its height in the column [px]."""
-        return (HEIGHT + GAP if self.member else LINE) / 2
+        return (self.height + GAP if self.member else LINE) / 2
 
 
 def draw(
@@ -62,19 +71,26 @@ def draw(
     for name, column in depth.items():
         layers[column].append(slots[name])
     lines = {edge: route(edge, edge in back, depth, slots, layers) for edge in connections if edge[0] != edge[1]}
+    for edge in labels:
+        slots[edge[1]].is_labeled = True
     arrange(layers)
     shown = {
         name: component if len(component) <= LONGEST else f"{component[: LONGEST - 1]}…"
         for name, component in members.items()
     }
     width = max(70.0, 18 + max(max(LETTER * len(name), SMALL * len(text)) for name, text in shown.items()))
-    room = max(ROOM, 22 + SMALL * max(map(len, labels.values()), default=0))
+    widest = [
+        max((len(text) for edge, text in labels.items() if (edge in back) is side), default=0) for side in (False, True)
+    ]
+    room = max(ROOM, 22 + SMALL * sum(widest))  # labels of both directions stand side by side
     left = {id(slot): 8 + column * (width + room) for column, layer in enumerate(layers) for slot in layer}
     bottom = max(slot.y + slot.half for layer in layers for slot in layer)
     size = 16 + len(layers) * width + (len(layers) - 1) * room, bottom + 10 + NOTE * bool(notes)
-    parts = [
-        draw_line(path, edge, edge in back, left, width, list(connections[edge]), labels.get(edge, ""))
+    parts = [draw_line(path, edge, edge in back, left, width, list(connections[edge])) for edge, path in lines.items()]
+    parts += [
+        draw_label(path, edge, edge in back, left, width, labels[edge])
         for edge, path in lines.items()
+        if edge in labels
     ]
     parts += [
         draw_box(slots[name], left[id(slots[name])], width, name, text, members[name]) for name, text in shown.items()
@@ -85,13 +101,13 @@ def draw(
         if source == target
     ]
     parts += [
-        f'<text x="{left[id(slots[name])] + width / 2:.1f}" y="{slots[name].y + HEIGHT / 2 + NOTE - 1:.1f}" '
+        f'<text x="{left[id(slots[name])] + width / 2:.1f}" y="{slots[name].y + slots[name].height / 2 + NOTE - 1:.1f}" '
         f'text-anchor="middle" font-size="10" fill="currentColor" fill-opacity=".65">{escape(note)}</text>'
         for name, note in notes.items()
     ]
     return (
         f'<svg role="img" aria-label="system" viewBox="0 0 {size[0]:.0f} {size[1]:.0f}" '
-        f'style="width: 100%; max-width: {size[0]:.0f}px; height: auto; font: 12px sans-serif; color: inherit">'
+        f'style="--full: {size[0]:.0f}px; width: 100%; max-width: var(--full); height: auto; font: 12px sans-serif; color: inherit">'
         f"{''.join(parts)}</svg>"
     )
 
@@ -187,7 +203,7 @@ def port_height(slot: Slot, other: Slot, edge: Edge, is_right: bool) -> float:
         slot.behind if is_right else slot.before,
         key=lambda connection: (connection[0].y, sorted(connection[1]), connection[1]),
     )
-    step = min(9.0, (HEIGHT - 8) / max(len(neighbors), 1))
+    step = min(LABELED_PORT if slot.is_labeled else PORT, (slot.height - 8) / max(len(neighbors), 1))
     return slot.y + (neighbors.index((other, edge)) - (len(neighbors) - 1) / 2) * step
 
 
@@ -198,7 +214,6 @@ def draw_line(
     left: dict[int, float],
     width: float,
     texts: list[str],
-    label: str,
 ) -> str:
     """Draw a connection with its arrow; a tooltip lists the signals."""
     path = ""
@@ -207,36 +222,50 @@ def draw_line(
         high, low = port_height(slot, neighbor, edge, True), port_height(neighbor, slot, edge, False)
         middle = (begin + end) / 2
         path += f"{'L' if path else 'M'}{begin:.1f} {high:.1f}C{middle:.1f} {high:.1f} {middle:.1f} {low:.1f} {end:.1f} {low:.1f}"
-    x = left[id(slots[0])] + width if is_back else left[id(slots[-1])]
-    y = port_height(slots[0], slots[1], edge, True) if is_back else port_height(slots[-1], slots[-2], edge, False)
+    x, y = arrow_tip(slots, edge, is_back, left, width)
     tail = x + 7 if is_back else x - 7
-    color = "#d1495b" if is_back else "#3b8fd4"
+    color = BACKWARD if is_back else FORWARD
     title = escape("\n".join(texts) or " → ".join(edge))
-    label_svg = (
-        f'<text x="{tail + (2 if is_back else -2):.1f}" y="{y - 3:.1f}" text-anchor="{"start" if is_back else "end"}" '
-        f'font-size="10" fill="{color}">{escape(label)}</text>'
-    )
-    return (label_svg if label else "") + (
+    return (
         f'<g stroke="{color}" fill="none"><title>{title}</title><path stroke-width="1.4" d="{path}"/>'
         f'<path fill="{color}" d="M{x:.1f} {y:.1f}L{tail:.1f} {y - 3.5:.1f}L{tail:.1f} {y + 3.5:.1f}Z"/>'
         f'<path stroke="transparent" stroke-width="10" d="{path}"/></g>'
     )
 
 
+def arrow_tip(
+    slots: list[Slot], edge: Edge, is_back: bool, left: dict[int, float], width: float
+) -> tuple[float, float]:
+    """Return where the arrow of a connection ends [px]."""
+    if is_back:
+        return left[id(slots[0])] + width, port_height(slots[0], slots[1], edge, True)
+    return left[id(slots[-1])], port_height(slots[-1], slots[-2], edge, False)
+
+
+def draw_label(slots: list[Slot], edge: Edge, is_back: bool, left: dict[int, float], width: float, label: str) -> str:
+    """Draw the label of a connection above its arrow, with a margin in the color of the page that hides other lines."""
+    x, y = arrow_tip(slots, edge, is_back, left, width)
+    return (
+        f'<text x="{x + (9 if is_back else -9):.1f}" y="{y - 2.5:.1f}" text-anchor="{"start" if is_back else "end"}" '
+        f'font-size="10" fill="{BACKWARD if is_back else FORWARD}" '
+        f'style="paint-order: stroke; stroke: var(--card, #fff); stroke-width: 2.5px">{escape(label)}</text>'
+    )
+
+
 def draw_self_loop(slot: Slot, x: float, width: float, texts: Iterable[str]) -> str:
     """Draw the connection of a member to itself."""
-    middle, top = x + width / 2, slot.y - HEIGHT / 2
+    middle, top = x + width / 2, slot.y - slot.height / 2
     title = escape("\n".join(texts))
     path = f"M{middle + 14:.1f} {top:.1f}C{middle + 18:.1f} {top - 14:.1f} {middle - 18:.1f} {top - 14:.1f} {middle - 14:.1f} {top:.1f}"
-    return f'<path stroke="#d1495b" fill="none" stroke-width="1.4" d="{path}"><title>{title}</title></path>'
+    return f'<path stroke="{BACKWARD}" fill="none" stroke-width="1.4" d="{path}"><title>{title}</title></path>'
 
 
 def draw_box(slot: Slot, x: float, width: float, name: str, text: str, component: str) -> str:
     """Draw a member: its name, and its component below."""
-    middle, top = x + width / 2, slot.y - HEIGHT / 2
+    middle, top = x + width / 2, slot.y - slot.height / 2
     return (
         f"<g><title>{escape(f'{name}: {component}')}</title>"
-        f'<rect x="{x:.1f}" y="{top:.1f}" width="{width:.1f}" height="{HEIGHT:.0f}" rx="7" '
+        f'<rect x="{x:.1f}" y="{top:.1f}" width="{width:.1f}" height="{slot.height:.0f}" rx="7" '
         f'fill="#8882" stroke="currentColor" stroke-opacity=".45"/>'
         f'<text x="{middle:.1f}" y="{slot.y - 2:.1f}" text-anchor="middle" font-weight="600" fill="currentColor">{escape(name)}</text>'
         f'<text x="{middle:.1f}" y="{slot.y + 12:.1f}" text-anchor="middle" font-size="10" fill="currentColor" '

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 from twin import clock
@@ -34,7 +35,10 @@ def describe_cut(window: Window, signal: Expression | None, variants: Sequence[s
         is_judged = (not variants or variant in variants) and len(signals.time) and signals.has(signal)
         if is_judged and ends_before(signals.time[-2:], clock.seconds(window.stop_ns)):
             end = clock.text(round(float(signals.time[-1]) * clock.NANOSECONDS))
-            return f"Not judged: {variant}, seed {seed}, ends at {end}, and the window at {clock.text(window.stop_ns)}."
+            case = f"{quote_names([variant])[0]}, seed {seed},"
+            return (
+                f"Not judged: the run of {case} ends at {end}, before its window ends at {clock.text(window.stop_ns)}."
+            )
     return ""
 
 
@@ -67,12 +71,12 @@ def describe_judged(expectation: Expectation, judged: Sequence[str], run: Sequen
     """Return which variants of a run were judged, to be appended to a verdict's detail; empty if all were."""
     if expectation.ordered:  # the detail names the variants
         missing = [name for name in expectation.ordered if name not in judged]
-        return f" Not compared: {shorten(missing)}." if missing else ""
+        return f" Not compared: {list_names(missing)}." if missing else ""
     left_out = [name for name in run if name not in judged]
     if not left_out:
         return ""
-    names = f": {shorten(judged)}" if len(judged) <= len(left_out) else f", not in {shorten(left_out)}"
-    return f" In {len(judged)} of {len(run)} variants{names}."
+    names = f": {list_names(judged)}" if len(judged) <= len(left_out) else f", all but {list_names(left_out)}"
+    return f" Judged in {len(judged)} of {len(run)} variants{names}."
 
 
 def describe_unjudged(
@@ -88,7 +92,7 @@ def describe_unjudged(
     judged = [judged_variants(expectation, results, tables) for expectation in expectations]
     compared = {result.variant for result in results if result.verdict in ("pass", "fail", "none")}
     free = [name for name in run if name not in compared and not any(name in names for names in judged)]
-    lines = [f"No expectation judges {shorten(free)}."] if free and expectations else []
+    lines = [f"No expectation judges {list_names(free)}."] if free and expectations else []
     subjects = [(each.metric, each.signal.text if each.signal else None) for each in expectations]
     variants: dict[tuple[str, ...], list[str]] = {}  # by the expectations that leave them out
     for variant in (name for name in run if name not in free):
@@ -107,8 +111,10 @@ def describe_unjudged(
     for missed, names in variants.items():
         if missed:
             verb = "is" if len(names) == 1 else "are"
+            pronoun = "it" if len(names) == 1 else "them"
             lines.append(
-                f"{shorten(names)} {verb} not judged by: {shorten(missed)}. Name it in their lists of variants, or add an expectation."
+                f"{list_names(names)} {verb} not judged by {list_names(missed)}. "
+                f"Name {pronoun} in the variants of that expectation, or add an expectation."
             )
     return tuple(lines)
 
@@ -120,7 +126,13 @@ def is_of_most(expectation: Expectation, judged: Sequence[str], variant: str, ta
     return variant in having - {*judged} and 2 * len(judged) > len(having)
 
 
-def shorten(names: Sequence[str]) -> str:
-    """Join names, which may contain commas, by semicolons; many are counted after the first of them."""
+def quote_names(names: Sequence[str]) -> list[str]:
+    """Return names of variants or expectations, in quotes if one of them contains a blank or a separator of lists."""
+    return [f'"{name}"' for name in names] if any(re.search(r"[\s,;]", name) for name in names) else [*names]
+
+
+def list_names(names: Sequence[str], word: str = "and") -> str:
+    """Join names as `"PI+FF, replayed" and "PI"`; many are counted after the first of them."""
     more = len(names) - MAX_NAMES
-    return "; ".join(names) if more < 2 else f"{'; '.join(names[:MAX_NAMES])} and {more} more"
+    shown = quote_names(names if more < 2 else names[:MAX_NAMES]) + [f"{more} more"] * (more >= 2)
+    return f" {word} ".join(filter(None, [", ".join(shown[:-1]), *shown[-1:]]))

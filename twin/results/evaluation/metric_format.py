@@ -42,6 +42,10 @@ class MetricFormat:
         """Format a value [SI] with its unit; `digits` apply without `decimals`."""
         return format_value(value, self.unit, scale, self.is_difference, self.decimals, digits)
 
+    def reference(self, value: float | None) -> str:
+        """Format a published value [SI] with its unit and its own digits: `25 deg`, where others are `24.87 deg`."""
+        return format_value(value, self.unit, 0.0, self.is_difference, None, 6)
+
 
 def metric_formats(results: Iterable[MetricResult]) -> dict[str, MetricFormat]:
     """Return the format of each metric, the same for all variants."""

@@ -18,6 +18,8 @@ from twin.results.evaluation.coverage import (
     describe_judged,
     describe_unjudged,
     judged_variants,
+    list_names,
+    quote_names,
     variants_of,
 )
 from twin.results.evaluation.hardware_termination import HardwareTermination, check_termination
@@ -220,7 +222,7 @@ def evaluate(
     for expectation in expectations:
         if expectation.nominal and not paper_applies:
             what, expected, name = describe_limits(expectation)
-            detail = f"{what} is expected {expected} with the file's own parameters alone."
+            detail = f"{what} is expected {expected}. Not judged: this run changes the scenario's own parameters."
             expectation_results.append(ExpectationResult(name, "skipped", detail))
             continue
         if expectation.ends:
@@ -283,7 +285,7 @@ def check_expectation(
     for (variant, seed), signals in tables.items():
         if expectation.variants and variant not in expectation.variants:
             continue
-        case = f"{variant}, seed {seed}"
+        case = f"{quote_names([variant])[0]}, seed {seed}"
         if expectation.signal is None:
             value = results[variant].values.get(seed) if variant in results else None
             if variant in results:
@@ -316,10 +318,11 @@ def describe_limits(expectation: Expectation) -> tuple[str, str, str]:
     what = expectation.metric or (expectation.signal.text if expectation.signal else "")
     low, high = expectation.shown(expectation.at_least), expectation.shown(expectation.at_most)
     if expectation.at_least is not None and expectation.at_most is not None:
-        expected = f"from {low} to {high}"
+        limits = f"from {low} to {high}"
     else:
-        expected = f"at most {high}" if expectation.at_least is None else f"at least {low}"
-    return what, expected, expectation.name or f"{what} {expected}"
+        limits = f"at most {high}" if expectation.at_least is None else f"at least {low}"
+    is_exact = expectation.at_least == expectation.at_most
+    return what, f"exactly {low}" if is_exact else limits, expectation.name or f"{what} {limits}"
 
 
 def no_samples_result(expectation: Expectation, case: str, is_array: bool) -> ExpectationResult:
@@ -336,7 +339,7 @@ def check_limits(
     """Check the limits for every case; the detail names the first violation. `scale`: as in `format_value`."""
     what, expected, name = describe_limits(expectation)
     if not ranges:
-        of_variants = f" of {' or '.join(expectation.variants)}" if expectation.variants else ""
+        of_variants = f" of {list_names(expectation.variants, 'or')}" if expectation.variants else ""
         return ExpectationResult(name, "skipped", f"{what} was not recorded in a complete run{of_variants}.")
     violations = []
     for case, low, high, when in ranges:

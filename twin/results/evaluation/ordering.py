@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from twin.results.evaluation.coverage import list_names, quote_names
 from twin.results.evaluation.metric_format import MetricFormat, metric_format
 from twin.results.recording.signals import format_value
 
@@ -28,15 +29,16 @@ def check_order(expectation: Expectation, results: Mapping[str, MetricResult]) -
     ordered_results = [results[variant] for variant in expectation.ordered if variant in results]
     scale = max((result.scale for result in results.values()), default=0.0)
     if len(ordered_results) < 2:
-        given = f"only {ordered_results[0].variant} has" if ordered_results else "none has"
+        given = f"only {quote_names([ordered_results[0].variant])[0]} has" if ordered_results else "none has"
         return (
             name,
             "skipped",
-            f"Not judged: of {'; '.join(expectation.ordered)}, {given} {expectation.metric} in this run.",
+            f"Not judged: an order needs at least two of {list_names(expectation.ordered)}; {given} {expectation.metric} in this run.",
         )
     style = metric_format(list(results.values()))
     shown = style.text if style.unit else expectation.shown
-    parts = [f"{ordered_results[0].variant} {shown(ordered_results[0].mean, scale)}"]
+    names = dict(zip(expectation.ordered, quote_names(expectation.ordered), strict=True))
+    parts = [f"{names[ordered_results[0].variant]} {shown(ordered_results[0].mean, scale)}"]
     has_margin = bool(expectation.margin or expectation.margin_part)
     holds = ordered_results[0].mean is not None
     for before, after in itertools.pairwise(ordered_results):
@@ -47,7 +49,7 @@ def check_order(expectation: Expectation, results: Mapping[str, MetricResult]) -
             if is_ordered
             else "but not " + ("above" if expectation.descending else "below")
         )
-        parts.append(f"{sign} {after.variant} {shown(after.mean, scale)}")
+        parts.append(f"{sign} {names[after.variant]} {shown(after.mean, scale)}")
         holds = holds and is_ordered
     margin = f" (required margin: {format_margin(expectation, style)})" if has_margin else ""
     return (
@@ -104,5 +106,6 @@ def list_failed_variants(violations: list[tuple[str, str, str]], ranges: list[tu
         if not failing:
             continue
         suffix = f"; passes at {', '.join(passing)}" if passing else ""
-        parts.append(f"{variant} (fails at seed {', '.join(failing)}{suffix})" if len(fails_by_seed) > 1 else variant)
+        at = f"seed{'s' * (len(failing) > 1)} {', '.join(failing)}"
+        parts.append(f"{variant} (fails at {at}{suffix})" if len(fails_by_seed) > 1 else variant)
     return ", ".join(parts)

@@ -43,7 +43,7 @@ export class Chart {
     this.readout = element.appendChild(document.createElement("div"));
     this.readout.className = "twin-hover";
     this.readout.hidden = true;
-    this.observer = new ResizeObserver((entries) => (entries.some((one) => one.target === element) ? this.resize() : this.measure()));
+    this.observer = new ResizeObserver((entries) => { if (entries.some((one) => one.target === element)) this.resize(); this.measure(); });
     this.observer.observe(element);
     this.theme = new MutationObserver(() => { this.style(); this.draw(); });
     this.theme.observe(document.body, { attributes: true, attributeFilter: ["class"] });
