@@ -91,4 +91,5 @@ class CallablePackage(ModuleType):
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    """Public names, for `dir(twin)` and completion: no module of the engine, and nothing that this file imports."""
+    return sorted({*__all__, "__doc__", "__file__", "__path__", "__version__"})
