@@ -55,6 +55,7 @@ def open_run(path: str | Path) -> Run:
     return Run(folder)
 
 
+CARD_WIDTH = 6.4  # of the plot in a notebook [in]: its letters stay legible where the notebook is narrow
 OPERATORS = "+-*/("  # signs that an expression has, and few names
 
 
@@ -108,7 +109,7 @@ class Run:
 
     @property
     def metrics(self) -> pd.DataFrame:
-        """Columns metric, variant, seed, value (in its unit), unit, paper, verdict (on the mean over the seeds)."""
+        """Columns metric, variant, seed, value (in its unit), unit, paper, ratio, verdict (on the mean over the seeds)."""
         return arrays.metrics(self.summary)
 
     @property
@@ -325,16 +326,20 @@ class Run:
         cases = f"{len(self.variants)} variants x {len(self.seeds)} seeds"
         return f"<Run {self.folder}: {self.status}, {'passed' if self.passed else 'not passed'}, {cases}>"
 
+    def __str__(self) -> str:
+        return notebook.run_text(self.summary, self.folder)
+
     def _repr_html_(self) -> str:
         failures = [outcome for outcome in self.summary["expectations"] if outcome["verdict"] == "fail"]
         return notebook.page(
             notebook.heading(self.summary["scenario"]["title"]),
-            notebook.state(self.summary, self.folder),
+            notebook.state(self.summary),
+            notebook.links(self.folder),
             notebook.paragraph(self.summary.get("sentence", "")),
             *map(notebook.paragraph, self.notes),
             notebook.expectations(failures),
             notebook.verdicts(self.summary),
-            self._first_plot(),
+            notebook.plot(self._first_plot()),
             notebook.folded("All requirements", notebook.expectations(self.summary["expectations"])),
             notebook.folded("System", notebook.scenario_system(self._checked)),
         )
@@ -342,9 +347,11 @@ class Run:
     def _first_plot(self) -> str:
         """Return the first plot of the scenario as SVG; nothing without one, or if its signals were not recorded."""
         try:
-            return str(self.plot(*[plot.title for plot in self._checked.plots[:1]], interactive=False)._repr_svg_())
+            figure = self.plot(*[plot.title for plot in self._checked.plots[:1]], interactive=False)
         except TwinError:
             return ""
+        figure.set_size_inches(CARD_WIDTH, figure.get_size_inches()[1])
+        return str(figure._repr_svg_())
 
 
 def names_of(parsed: Expression) -> list[str]:
