@@ -15,18 +15,16 @@ from twin.face.conversions import as_list, nanoseconds, override_text, python_op
 from twin.face.interactive import interactive_figure, is_plotly_installed
 from twin.face.progress import in_notebook
 from twin.results import (
-    LATEST,
     Plot,
     PlotCurve,
     RecordedVariable,
     Signals,
     dimension,
     expression,
-    is_finished_run,
+    find_results,
     list_recorded_variables,
     plotting,
     read_variables,
-    resolve_latest,
     si_conversion,
 )
 from twin.run import RunOptions, event_rows
@@ -45,14 +43,11 @@ if TYPE_CHECKING:
 
 
 def open_run(path: str | Path) -> Run:
-    """Open a finished run by its folder, or the last one as `runs/SCENARIO/latest`; TwinError if there is none."""
-    folder = resolve_latest(Path(path))
-    if not (folder / "summary.json").is_file():
-        if folder.is_dir() and any(map(is_finished_run, folder.iterdir())):
-            raise TwinError(f"{folder}: is a folder of runs. Name one of them, or {folder / LATEST}.")
-        what = "has no summary.json: the run is not finished" if folder.is_dir() else "does not exist"
-        raise TwinError(f"{folder}: {what}. Give the folder of a finished run, such as runs/heart_wall_force/{LATEST}.")
-    return Run(folder)
+    """Open a finished run: by its folder, the last one as `runs/SCENARIO/latest` or by the scenario's name in runs/.
+
+    TwinError if there is none, with similar names.
+    """
+    return Run(find_results(Path(path), "summary.json", "run", "heart_wall_force"))
 
 
 CARD_WIDTH = 6.4  # of the plot in a notebook [in]: its letters stay legible where the notebook is narrow

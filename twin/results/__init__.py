@@ -26,7 +26,14 @@ from twin.results.evaluation.sentence import check_sentence, fill_sentence
 from twin.results.evaluation.violations import Violation, consecutive_spans, find_violations
 from twin.results.plot_annotations import EventLine
 from twin.results.recording import rows, run_folder, signals, stream
-from twin.results.recording.latest_run import LATEST, finished_runs, is_finished_run, link_latest, resolve_latest
+from twin.results.recording.latest_run import (
+    LATEST,
+    find_results,
+    finished_runs,
+    is_finished_run,
+    link_latest,
+    resolve_latest,
+)
 from twin.results.recording.run_folder import RecordedVariable, count_verdicts, write_text
 from twin.results.recording.signal_reader import list_recorded_variables, read_variables, readable_recording
 from twin.results.recording.signals import Signals, Window, format_value, si_conversion, window_mask
@@ -81,6 +88,7 @@ __all__ = [
     "expression",
     "figure_files",
     "fill_sentence",
+    "find_results",
     "find_unfinished_runs",
     "find_violations",
     "finished_runs",
