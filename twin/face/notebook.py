@@ -204,12 +204,12 @@ def state(summary: Mapping[str, Any]) -> str:
     return f'<b class="{kind}">{escape(text)}</b>{notes}' + paragraph(cases(summary))
 
 
-def links(folder: Path) -> str:
+def links(folder: Path, command: str = "twin view") -> str:
     """Return links to the report and the viewer's page of a run; without the page, the command that opens the viewer."""
     pages = {"Report": folder / "report.html", "Viewer": folder / "signals.html"}
     parts = [f'<a href="{escape(link(path))}">{name}</a>' for name, path in pages.items() if path.exists()]
-    if not pages["Viewer"].exists():
-        parts.append(f"curves in a terminal: <code>twin view {escape(shown(folder))}</code>")
+    if command and not pages["Viewer"].exists():
+        parts.append(f"curves in a terminal: <code>{command} {escape(shown(folder))}</code>")
     return f"<p>{' · '.join(parts)}</p>"
 
 

@@ -70,9 +70,9 @@ def find_results(path: Path, file: str, kind: str, example: str) -> Path:
 def suggest_folders(folder: Path, file: str) -> str:
     """Return where a folder was looked for, and similar names there of folders that hold results with `file`."""
     missing = next(item for item in [*reversed(folder.parents), folder] if not item.exists())
-    places = [missing.parent, *([ROOT] if len(missing.parts) == 1 and ROOT.is_dir() else [])]
-    names = [item.name for place in places for item in place.iterdir() if has_results(item, file)]
-    return f"Looked in {' and '.join(str(place.resolve()) for place in places)}. {nearest(missing.name, names)}"
+    parents = [missing.parent, *([ROOT] if len(missing.parts) == 1 and ROOT.is_dir() else [])]
+    names = [item.name for parent in parents for item in parent.iterdir() if has_results(item, file)]
+    return f"Looked in {' and '.join(str(parent.resolve()) for parent in parents)}. {nearest(missing.name, names)}"
 
 
 def has_results(folder: Path, file: str) -> bool:
