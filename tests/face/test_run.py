@@ -286,7 +286,7 @@ def test_an_earlier_run_is_read_when_asked(run, place, tmp_path):
     assert earlier.metrics.equals(run.metrics)
     assert earlier["part.place"].equals(run["part.place"])
     assert earlier.plot("Places").axes
-    assert earlier.scenario.title == "Pushed"
+    assert (earlier.scenario.title, earlier.scenario.name) == ("Pushed", "pushed")
     assert "Pushed" in earlier._repr_html_()
     copy = tmp_path / "pushed"
     for name in ("2026-01-01_00-00-00_2", "2026-01-01_00-00-00_10", "2025-12-31_00-00-00"):

@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Any
 from twin.component import Component
 from twin.errors import ScenarioError
 from twin.face import notebook
-from twin.face.conversions import as_list, choice, nanoseconds, override_text, python_option_names
+from twin.face.conversions import (
+    as_list,
+    check_file,
+    choice,
+    mapping,
+    nanoseconds,
+    override_text,
+    python_option_names,
+    integers,
+)
 from twin.face.finished_run import Run
 from twin.face.progress import progress_callback
 from twin.face.simulation import Simulation, sourceless
@@ -28,6 +37,7 @@ if TYPE_CHECKING:
 
 def load(path: str | Path) -> Scenario:
     """Read and check a scenario file; ScenarioError with all `problems`, as of `twin check`."""
+    check_file(path, "scenario", (".yaml", ".yml"), ScenarioError)
     checked, problems = lint(path)
     if problems:
         raise ScenarioError(problems)
@@ -123,7 +133,7 @@ class Scenario:
             options = RunOptions(
                 backend=Backend(choice(backend, Backend, "backend")),
                 variants=as_list(variants),
-                seeds=as_list(seeds),
+                seeds=integers(seeds, "seeds"),
                 root=Path(out),
                 build=Path(build),
                 report=report,
@@ -145,7 +155,7 @@ class Scenario:
         `variant`, `seed`: the first of the scenario by default. Events of the scenario happen at their time, and the signals
         of `record` are in its `results`. `backend`: compiled, fmu or interpreted.
         """
-        cases = self.checked.cases(as_list(variant), as_list(seed))
+        cases = self.checked.cases(as_list(variant), integers(seed, "seed"))
         case = cases[0]
         refuse_faults([case], None)
         catalog = resolve_catalogs(self.checked)[case.variant]
@@ -179,7 +189,7 @@ def reference(cls: type, classes: Mapping[str, type[Component]]) -> str:
 
 
 def run(
-    scenario: str | Path | Scenario,
+    scenario: str | Path | Scenario | Run,
     variants: str | Sequence[str] | None = None,
     seeds: int | Sequence[int] | None = None,
     *,
@@ -191,7 +201,7 @@ def run(
     backend: str = "fmu",
     checkpoint: float | str = 0.0,
 ) -> Run:
-    """Run a scenario, by its path or the name of a shipped one, with changed `values`; ScenarioError with all `problems`.
+    """Run a scenario, by its path, the name of a shipped one or a run of it, with changed `values`; ScenarioError with all `problems`.
 
         run = twin.run("heart_wall_force", "PI", values={"heart.rate": "1.4 Hz"})
         run.metrics; run["sensor.measured_force"]
@@ -213,7 +223,7 @@ def run(
 
 
 def live(
-    scenario: str | Path | Scenario,
+    scenario: str | Path | Scenario | Run,
     variant: str | None = None,
     seed: int | None = None,
     *,
@@ -237,10 +247,12 @@ def live(
     return simulation
 
 
-def with_values(scenario: str | Path | Scenario, values: Mapping[str, Any] | None) -> Scenario:
-    """Return a scenario with changed values."""
+def with_values(scenario: str | Path | Scenario | Run, values: Mapping[str, Any] | None) -> Scenario:
+    """Return a scenario, or that of a run, with changed values."""
+    if isinstance(scenario, Run):
+        scenario = scenario.scenario
     changed = scenario if isinstance(scenario, Scenario) else load(scenario)
-    for name, value in (values or {}).items():
+    for name, value in mapping(values, "values", '{"heart.rate": "1.4 Hz"}').items():
         changed = changed.set(name, value)
     return changed
 
@@ -255,4 +267,5 @@ def follow(
     """Return the estimates of a follow file's recording or rig, to be iterated; ScenarioError with all problems."""
     from twin.follow import Following
 
+    check_file(file, "file", (".yaml", ".yml"), ScenarioError)
     return Following(file, recording, rig, build)

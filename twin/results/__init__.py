@@ -41,19 +41,20 @@ from twin.results.recording.stream import Journal, RunRecording, column_from_dic
 
 if TYPE_CHECKING:
     from twin.results import calibration, calibration_report, figure_files, plotting
-    from twin.results.comparison import compare_runs
+    from twin.results.comparison import Comparison, compare_runs
     from twin.results.exporters import export
     from twin.results.plotting import histogram
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submodules=["calibration", "calibration_report", "figure_files", "plotting"],
-    submod_attrs={"comparison": ["compare_runs"], "exporters": ["export"], "plotting": ["histogram"]},
+    submod_attrs={"comparison": ["Comparison", "compare_runs"], "exporters": ["export"], "plotting": ["histogram"]},
 )
 
 __all__ = [
     "LATEST",
     "Analysis",
+    "Comparison",
     "Evaluation",
     "EventLine",
     "Expectation",
