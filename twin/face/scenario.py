@@ -14,11 +14,11 @@ from twin.face.conversions import (
     as_list,
     check_file,
     choice,
+    integers,
     mapping,
     nanoseconds,
     override_text,
     python_option_names,
-    integers,
 )
 from twin.face.finished_run import Run
 from twin.face.progress import progress_callback
