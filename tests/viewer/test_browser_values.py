@@ -1,12 +1,17 @@
 """Values in the page: cursors, read-out, ranges of seeds, axes, tables, metrics."""
 
+import re
+
 import numpy as np
 import pytest
 
 from tests.viewer.pages import Page, numbers, samples_of, table
+from tests.viewer.recorded import FORCE, folder_of, runs, wave
+from twin.viewer import embedded_page
 
 pytest.importorskip("nicegui")
 pytestmark = pytest.mark.slow
+MINUS = "\N{MINUS SIGN}"
 
 
 def test_two_cursors_snap_to_samples_and_are_dragged(open_page, folders):
@@ -159,3 +164,46 @@ def test_plots_stay_tall_and_the_table_has_room(open_page):
         assert len({len(text.partition(".")[2]) for text in column if text != "0"}) == 1
     page.page.get_by_role("button", name="Clear A, B").click()
     assert page.state["cursors"] == []
+
+
+TICKS = """() => { const { chart } = document.getElementById("chart"), [pane] = chart.panes, counts = [];
+    const { prototype } = CanvasRenderingContext2D, { fillText } = prototype;
+    let count = 0;
+    chart.height -= chart.boxes[0].height - 90;
+    prototype.fillText = function (...text) { count += this.textAlign === "right"; return fillText.apply(this, text); };
+    for (let k = 0; k < 60; k++) { pane.range = [0, 1 + k / 6]; count = 0; chart.draw(); counts.push(count); }
+    prototype.fillText = fillText;
+    return [chart.boxes[0].height, counts]; }"""
+
+
+@pytest.fixture
+def seeds_page(browser, tmp_path):
+    """A page of two seeds, the second three times as large as the first."""
+    time, force = wave(100.0, 2.0)
+    cases = {("PI", seed): (time, {"sensor.force": factor * force}) for seed, factor in ((1, 1.0), (2, 3.0))}
+    page = embedded_page(runs(folder_of(tmp_path / "run", cases, [FORCE])), ["sensor.force"], [0, 1])
+    (tmp_path / "page.html").write_text(page.text)
+    context = browser.new_context(viewport={"width": 1280, "height": 420}, offline=True)
+    opened = Page(context, (tmp_path / "page.html").as_uri())
+    yield opened
+    context.close()
+    assert opened.wrong == []
+
+
+def test_an_axis_of_a_small_pane_has_three_ticks(seeds_page):
+    """Whatever its range; only a pane of less than 80 px may have fewer."""
+    height, counts = seeds_page.page.evaluate(TICKS)
+    assert height == pytest.approx(90, abs=1)
+    assert min(counts) >= 3
+
+
+def test_the_read_out_shows_the_range_of_the_seeds(seeds_page):
+    time, force = wave(100.0, 2.0)
+    for part in (0.1, 0.42, 0.9):
+        seeds_page.page.mouse.move(*seeds_page.place(part))
+        seeds_page.page.locator(".twin-hover").wait_for()
+        title, *rows = seeds_page.page.locator(".twin-hover").inner_text().splitlines()
+        own = force[np.argmin(np.abs(time - float(title.split()[0])))]
+        shown = re.search(r"(\S+) N \((\S+) to (\S+)\)", " ".join(rows))
+        values = [float(text.replace(MINUS, "-")) for text in shown.groups()]
+        assert values == pytest.approx([2.0 * own, min(own, 3.0 * own), max(own, 3.0 * own)], abs=0.02)
