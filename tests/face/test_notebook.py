@@ -65,6 +65,9 @@ def test_a_table_of_metrics():
     assert '<span title="a &lt;b&gt;">' in rows[2]
     assert ("speed [m/s]" in rest, "paper" in rest) == (True, False)
     assert notebook.verdicts({"metrics": {}}) == ""
+    other = notebook.verdicts({"metrics": {"force": metric({"PI": (0.25, 0.5, "other")})}})
+    assert '<b class="other">not comparable¹</b>' in other  # short, where the notebook is narrow
+    assert other.endswith("<p>¹ Settings differ from the paper&#x27;s.</p>")
     assert "<details>" not in notebook.verdicts({"metrics": {"speed": SUMMARY["metrics"]["speed"]}})
     outcomes = [{"verdict": "fail", "name": "safe", "detail": "3 < 4"}]
     assert (

@@ -37,8 +37,12 @@ WORDS = {
     "fail": "✗ fail",
     "none": "no value",
     "info": "-",
-    "other": "not comparable (settings differ from the paper's)",
-    "cut": "not comparable (the run ends before the metric's window)",
+    "other": "not comparable¹",
+    "cut": "not comparable²",
+}
+NOTES = {
+    "other": "¹ Settings differ from the paper's.",
+    "cut": "² The run ends before the metric's window.",
 }
 
 
@@ -153,7 +157,9 @@ def verdicts(summary: Mapping[str, Any]) -> str:
     rows = metric_rows(summary)
     first = [row for row in rows if row["rank"] < "2"] or rows[:CASES]
     count = len({row["metric"] for row in rows[len(first) :]})
-    return metric_table(first) + folded(f"{count} more metric{'s' * (count > 1)}", metric_table(rows[len(first) :]))
+    notes = " ".join(note for word, note in NOTES.items() if any(row["verdict"] == word for row in rows))
+    more = folded(f"{count} more metric{'s' * (count > 1)}", metric_table(rows[len(first) :]))
+    return metric_table(first) + paragraph(notes) + more
 
 
 def metric_table(rows: Iterable[Mapping[str, str]]) -> str:
