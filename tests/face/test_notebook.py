@@ -66,8 +66,8 @@ def test_a_table_of_metrics():
     assert ("speed [m/s]" in rest, "paper" in rest) == (True, False)
     assert notebook.verdicts({"metrics": {}}) == ""
     other = notebook.verdicts({"metrics": {"force": metric({"PI": (0.25, 0.5, "other")})}})
-    assert '<b class="other">not comparable¹</b>' in other  # short, where the notebook is narrow
-    assert other.endswith("<p>¹ Settings differ from the paper&#x27;s.</p>")
+    assert '<b class="other">other settings</b>' in other  # short, where the notebook is narrow
+    assert other.endswith("<p>Other settings than the paper&#x27;s: not comparable.</p>")
     assert "<details>" not in notebook.verdicts({"metrics": {"speed": SUMMARY["metrics"]["speed"]}})
     outcomes = [{"verdict": "fail", "name": "safe", "detail": "3 < 4"}]
     assert (

@@ -37,12 +37,12 @@ WORDS = {
     "fail": "✗ fail",
     "none": "no value",
     "info": "-",
-    "other": "not comparable¹",
-    "cut": "not comparable²",
+    "other": "other settings",
+    "cut": "run too short",
 }
 NOTES = {
-    "other": "¹ Settings differ from the paper's.",
-    "cut": "² The run ends before the metric's window.",
+    "other": "Other settings than the paper's: not comparable.",
+    "cut": "Run too short: it ends before the window of the metric.",
 }
 
 
