@@ -125,6 +125,7 @@ def parameters(function):
 @pytest.mark.slow
 def test_the_table_of_python_names_is_that_of_the_package():
     classes = {"scenario": twin.Scenario, "run": twin.Run, "system": twin.System, "simulation": twin.Simulation}
+    classes["study"] = twin.StudyResult
     with (ROOT / "docs" / "data" / "python_names.csv").open(newline="") as file:
         rows = [row["name"] for row in csv.DictReader(file)]
     listed = defaultdict(set)

@@ -22,12 +22,14 @@ if TYPE_CHECKING:
         Run,
         Scenario,
         Simulation,
+        StudyResult,
         System,
         export,
         follow,
         live,
         load,
         open_run,
+        open_study,
         run,
         simulate,
     )
@@ -38,6 +40,7 @@ __all__ = [
     "Run",
     "Scenario",
     "Simulation",
+    "StudyResult",
     "System",
     "TwinError",
     "export",
@@ -45,6 +48,7 @@ __all__ = [
     "live",
     "load",
     "open_run",
+    "open_study",
     "run",
     "simulate",
 ]
@@ -91,4 +95,5 @@ class CallablePackage(ModuleType):
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    """Public names, for `dir(twin)` and completion: no module of the engine, and nothing that this file imports."""
+    return sorted({*__all__, "__doc__", "__file__", "__path__", "__version__"})

@@ -1,5 +1,7 @@
 """Representations for notebooks and conversions of the Python interface, from summaries that a test chooses."""
 
+import pickle
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,30 +19,107 @@ def cells(html):
     return [row.removeprefix("<tr>") for row in rows if row]
 
 
-def test_a_table_of_metrics():
-    """Figures of the paper have a column where there are any; a metric is named once."""
+def metric(variants, unit="mN", description=""):
+    """A metric of a summary; `variants`: (mean, paper, verdict)."""
+    keys = ("mean", "paper", "verdict", "ratio")
     figures = {
-        "PI": {"paper": 0.5, "mean": 0.25, "verdict": "pass"},
-        "<FF>": {"paper": None, "mean": None, "verdict": "none"},
+        name: dict(zip(keys, (*own, own[0] / own[1] if own[1] else None), strict=True))
+        for name, own in variants.items()
     }
-    metrics = {"force": {"description": "a <b>", "unit": "mN", "variants": figures}}
-    title = '<td class=text><span title="a &lt;b&gt;">force</span></td>'
-    head, first, second = cells(notebook.verdicts({"metrics": metrics}))
-    numbers = "<th class=number>paper</th><th class=number>mean over seeds</th>"
-    assert head == f"<th class=text>metric</th><th class=text>variant</th>{numbers}<th class=text>verdict</th>"
-    values = "<td class=number>0.50 mN</td><td class=number>0.25 mN</td>"
-    assert first == f'{title}<td class=text>PI</td>{values}<td class=text><b class="pass">✓ pass</b></td>'
-    values = "<td class=number>-</td><td class=number>-</td>"
-    verdict = '<b class="none">no value</b>'
-    assert second == f"<td class=text></td><td class=text>&lt;FF&gt;</td>{values}<td class=text>{verdict}</td>"
-    figures["PI"]["paper"] = None
-    assert "paper" not in notebook.verdicts({"metrics": metrics})
+    return {"description": description, "unit": unit, "variants": figures}
+
+
+SUMMARY = {
+    "scenario": {"title": "Rig"},
+    "status": "completed",
+    "passed": False,
+    "reason": "",
+    "sentence": "It holds.",
+    "cases": [{"variant": name, "seed": seed} for name in ("PI", "FF, replayed") for seed in (1, 2)],
+    "metrics": {
+        "speed": metric({"PI": (1.0, None, "info")}, "m/s"),
+        "force": metric({"PI": (0.25, 0.5, "pass"), "<FF>": (None, None, "info")}, description="a <b>"),
+        "depth": metric({"PI": (0.02, 0.02, "pass"), "FF": (0.03, 0.02, "fail")}, "m"),
+    },
+    "expectations": [
+        {"verdict": "fail", "name": "safe", "detail": "3 < 4"},
+        {"verdict": "pass", "name": "a", "detail": "b"},
+    ],
+}
+
+
+def test_a_table_of_metrics():
+    """Failures first, then figures of the paper; a metric has one unit, beside its name; the rest is folded."""
+    text = notebook.verdicts(SUMMARY)
+    table, _, rest = text.partition("<details><summary>1 more metric</summary>")
+    names = ("metric", "variant", "mean", "paper", "ratio", "verdict")
+    head, *rows = cells(table.removeprefix("<div class=wide>").removesuffix("</div>"))
+    assert head == "".join(f"<th class={'number' if 1 < k < 5 else 'text'}>{name}</th>" for k, name in enumerate(names))
+    own = [[re.sub("<[^>]*>", "", cell) for cell in row.removesuffix("</td>").split("</td>")] for row in rows]
+    assert own == [
+        ["depth [mm]", "FF", "30", "20", "1.50", "✗ fail"],
+        ["", "PI", "20", "20", "1.00", "✓ pass"],
+        ["force [mN]", "PI", "0.25", "0.50", "0.50", "✓ pass"],
+        ["", "&lt;FF&gt;", "-", "-", "-", "-"],
+    ]
+    assert '<span title="a &lt;b&gt;">' in rows[2]
+    assert ("speed [m/s]" in rest, "paper" in rest) == (True, False)
     assert notebook.verdicts({"metrics": {}}) == ""
+    other = notebook.verdicts({"metrics": {"force": metric({"PI": (0.25, 0.5, "other")})}})
+    assert '<b class="other">other settings</b>' in other  # short, where the notebook is narrow
+    assert other.endswith("<p>Other settings than the paper&#x27;s: not comparable.</p>")
+    assert "<details>" not in notebook.verdicts({"metrics": {"speed": SUMMARY["metrics"]["speed"]}})
     outcomes = [{"verdict": "fail", "name": "safe", "detail": "3 < 4"}]
-    assert cells(notebook.expectations(outcomes))[1] == (
+    assert (
         '<td class=text><b class="fail">✗ fail</b></td><td class=text>safe</td><td class=text>3 &lt; 4</td>'
+        in notebook.expectations(outcomes)
     )
     assert notebook.value(300.0, "K") == "300 K"
+
+
+def test_metrics_print_every_column():
+    """With the paper's value and the ratio beside each; a named index, such as that of a pivot table, stays."""
+    values = {"values": {"1": 0.5, "2": None}, "mean": 0.5, "paper": 0.4, "ratio": 1.25, "verdict": "fail"}
+    summary = {"metrics": {"a_metric_with_a_long_name": {"unit": "mN", "variants": {"a variant, replayed": values}}}}
+    table = arrays.metrics(summary)
+    head, first, second = (line.split() for line in repr(table).splitlines())
+    assert head == ["metric", "variant", "seed", "value", "unit", "paper", "ratio", "verdict"]
+    assert first == ["a_metric_with_a_long_name", "a", "variant,", "replayed", "1", "0.5", "mN", "0.4", "1.25", "fail"]
+    assert second[4:] == ["2", "-", "mN", "0.4", "-", "fail"]
+    assert repr(table[table.seed == 2]).splitlines()[1].split() == second
+    assert "<td>1.25</td>" in table._repr_html_()
+    pivot = table.pivot_table(index="metric", columns="seed", values="value")
+    assert "a_metric_with_a_long_name" in repr(pivot)
+    assert pickle.loads(pickle.dumps(table)).equals(table)
+
+
+def test_a_run_in_some_lines(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert notebook.run_text(SUMMARY, tmp_path / "runs" / "1").splitlines() == [
+        "Rig: ✗ 3 of 5 requirements met",
+        "It holds.",
+        "FAIL safe: 3 < 4",
+        "FAIL depth, FF: 30 mm (paper 20, ratio 1.50)",
+        "variants PI · FF, replayed; seeds 1 · 2",
+        "runs/1",
+    ]
+
+
+def test_links_of_a_run_work_from_a_notebook(tmp_path, monkeypatch):
+    """Relative below the working folder, which is the notebook's, else as URI; without a page the command that opens it."""
+    folder = tmp_path / "runs" / "a b"
+    folder.mkdir(parents=True)
+    (folder / "report.html").touch()
+    monkeypatch.chdir(tmp_path)
+    command = " · curves in a terminal: <code>twin view "
+    assert notebook.links(folder) == f'<p><a href="runs/a%20b/report.html">Report</a>{command}runs/a b</code></p>'
+    monkeypatch.chdir(folder)
+    (folder / "signals.html").touch()
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    uri = folder.resolve().as_uri()
+    viewer = f'<a href="{uri}/signals.html">Viewer</a>'
+    assert notebook.links(folder) == f'<p><a href="{uri}/report.html">Report</a> · {viewer}</p>'
 
 
 @pytest.mark.parametrize(
@@ -54,11 +133,11 @@ def test_a_table_of_metrics():
 )
 def test_the_state_of_a_run(monkeypatch, summary, counts, kind, text):
     monkeypatch.setattr(notebook, "count_verdicts", lambda _: counts)
-    for number, more in ((notebook.CASES, ""), (notebook.CASES + 1, " …")):
+    for number, more in ((notebook.CASES, ""), (notebook.CASES + 1, " and 1 more")):
         cases = [{"variant": "v", "seed": seed} for seed in range(number)]
-        shown = ", ".join(f"v {seed}" for seed in range(notebook.CASES))
+        shown = " · ".join(str(seed) for seed in range(notebook.CASES))
         given = {"status": "completed", "passed": True, "reason": "", "cases": cases, **summary}
-        assert notebook.state(given, "runs/a") == f'<b class="{kind}">{text}</b><p>{shown}{more}; runs/a</p>'
+        assert notebook.state(given) == f'<b class="{kind}">{text}</b><p>variant v; seeds {shown}{more}</p>'
 
 
 def test_parts_of_a_page():

@@ -155,11 +155,32 @@ def test_what_is_no_run(run):
     for folder, problem in (
         (parent, "is a folder of runs. Name one of them"),
         (parent / "empty", "has no summary.json: the run is not finished. Give the folder of a finished run"),
-        (parent / "none", "does not exist. Give the folder of a finished run"),
+        (parent / "none", f"does not exist. Looked in {parent}. Known: 2026-11-22_21-00-00."),
     ):
         with pytest.raises(TwinError) as caught:
             open_run(folder)
         assert str(caught.value).startswith(f"{folder}: {problem}")
+
+
+def test_a_run_is_opened_by_the_name_of_its_scenario(run, monkeypatch, tmp_path):
+    """What does not exist names similar runs, and where they were looked for."""
+    (tmp_path / "runs" / "rig_force").mkdir(parents=True)
+    (tmp_path / "runs" / "rig_fork").mkdir()
+    run.folder.rename(tmp_path / "runs" / "rig_force" / "2026-11-22_21-00-00")
+    monkeypatch.chdir(tmp_path)
+    assert open_run("rig_force").folder == tmp_path.joinpath("runs", "rig_force", "2026-11-22_21-00-00").relative_to(
+        tmp_path
+    )
+    runs = tmp_path / "runs"
+    for name, places in (
+        ("rig_forc", f"{tmp_path} and {runs}"),
+        ("runs/rig_forc", runs),
+        ("runs/rig_forc/latest", runs),
+        ("runs/rig_forc/2026-11-22_21-00-00", runs),
+    ):
+        with pytest.raises(TwinError) as caught:
+            open_run(name)
+        assert str(caught.value).endswith(f" Looked in {places}. Did you mean 'rig_force'?")
 
 
 @pytest.mark.parametrize("call", ["resume", "branch"])

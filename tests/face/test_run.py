@@ -6,6 +6,7 @@ Over 400 lines: all that `twin.run` takes and gives.
 import inspect
 import json
 import pydoc
+import re
 import shutil
 import subprocess
 import sys
@@ -81,7 +82,7 @@ def test_set_gives_another_scenario(scenario, place, build):
 @pytest.mark.slow
 def test_metrics_are_those_of_the_summary(run):
     frame = run.metrics
-    assert list(frame) == ["metric", "variant", "seed", "value", "unit", "paper", "verdict"]
+    assert list(frame) == ["metric", "variant", "seed", "value", "unit", "paper", "ratio", "verdict"]
     assert frame[frame.seed == 1].set_index("variant").value.to_dict() == {"plain": 4000, "strong": 10000, "more": 4000}
     assert set(frame.unit) == {"mm"}
     assert frame.set_index("variant").verdict.to_dict() == {"plain": "pass", "strong": "info", "more": "info"}
@@ -285,7 +286,7 @@ def test_an_earlier_run_is_read_when_asked(run, place, tmp_path):
     assert earlier.metrics.equals(run.metrics)
     assert earlier["part.place"].equals(run["part.place"])
     assert earlier.plot("Places").axes
-    assert earlier.scenario.title == "Pushed"
+    assert (earlier.scenario.title, earlier.scenario.name) == ("Pushed", "pushed")
     assert "Pushed" in earlier._repr_html_()
     copy = tmp_path / "pushed"
     for name in ("2026-01-01_00-00-00_2", "2026-01-01_00-00-00_10", "2025-12-31_00-00-00"):
@@ -321,6 +322,11 @@ def test_a_notebook_shows_verdicts_and_the_system(run, scenario):
     assert "✓ pass" in text
     assert "strong" in scenario._repr_html_()
     assert "#000" not in text
+    assert f'<a href="{run.report.as_uri()}">Report</a>' in text
+    assert "max-width: 100%" in text  # of a plot that would be wider than the notebook
+    assert float(re.search(r'<svg[^>]* width="([\d.]+)pt"', text)[1]) < 72 * 7
+    lines = str(run).splitlines()
+    assert (lines[0], lines[-1]) == ("Pushed: ✓ 2 of 2 requirements met", str(run.folder))
 
 
 @pytest.mark.slow

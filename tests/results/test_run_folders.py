@@ -71,9 +71,7 @@ def test_the_latest_finished_run(tmp_path: Path) -> None:
     own = tmp_path / "b" / "latest"
     own.mkdir()
     assert latest_run.resolve_latest(own) == own
-    with pytest.raises(
-        TwinError, match=r"/c: holds no finished run\. Did you mean|/c: holds no finished run\. Known: a, b"
-    ):
+    with pytest.raises(TwinError, match=r"/c: holds no finished run\. Looked in .*\. Known: a, b"):
         latest_run.latest_run(tmp_path / "c")
     (tmp_path / "d").mkdir()
     with pytest.raises(TwinError, match=r"/d: holds no finished run\. Run the scenario first\.$"):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.follow.test_linear import TEXT, estimate
-from tests.viewer.test_browser import Page, viewed
+from tests.viewer.pages import Page, viewed
 from tests.viewer.test_following import CHANGE, LOST, followed
 from twin.follow import EstimateRecording, load
 from twin.follow.changes import Alarm

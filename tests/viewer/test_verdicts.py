@@ -73,6 +73,17 @@ def test_metrics_are_texts_beside_the_paper_s(opened, folder):
     assert (fast["verdict"], fast["reference"]) == ("info", None)
 
 
+def test_a_metric_shows_the_range_of_its_seeds(folder, tmp_path):
+    """Lowest and highest, in the decimals of the mean; nothing where all seeds agree."""
+    copy = shutil.copytree(folder, tmp_path / "copy")
+    summary = json.loads((copy / "summary.json").read_text())
+    slow = summary["metrics"]["mean_speed"]["variants"]["slow"]
+    slow |= {"values": {"1": 18.5, "2": 21.25}, "mean": 19.875}
+    (copy / "summary.json").write_text(json.dumps(summary))
+    (metric,) = Verdicts(runs(copy).runs[0]).metrics()
+    assert [row["range"] for row in metric["rows"]] == ["18.50 to 21.25", ""]
+
+
 def test_about_tells_what_there_is(opened):
     told = about(opened)
     assert [(one["variant"], one["seed"], one["samples"]) for one in told["cases"]] == [

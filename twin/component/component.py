@@ -32,7 +32,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from twin import clock
-from twin.component import solver
+from twin.component import solver, unit
 from twin.component.variable import Float64, MemoryLayout, Role, Terminal, Variable, derivative, layout
 from twin.errors import DeclarationError, nearest
 
@@ -46,6 +46,7 @@ OWN = {"record", "views"}  # attributes of an instance
 ARGUMENTS = {"initialize": ("self",), "step": ("self", "t", "h"), "derivatives": ("self", "t")}
 
 
+LISTED = 12  # variables that an instance prints
 CONNECTABLE = (Role.input, Role.output, Role.parameter)
 
 
@@ -143,6 +144,15 @@ class Component:
             if name not in self.views:
                 raise unknown(self, name)
             self.views[name][...] = value
+
+    def __repr__(self) -> str:
+        """Class and values of inputs, outputs and parameters: `<Spring: force = 0.2 N, stiffness = 50 N/m>`."""
+        views = vars(self).get("views", {})  # none before it is initialized
+        own = [v for v in self.variables if v.role in CONNECTABLE and not v.shape and v.name in views]
+        units = {v.name: unit.shown(v.unit) if v.unit != "1" else "" for v in own}
+        texts = [f"{v.name} = {views[v.name].item():.6g} {units[v.name]}".rstrip() for v in own[:LISTED]]
+        more = f" and {len(own) - LISTED} more" if len(own) > LISTED else ""
+        return f"<{type(self).__name__}{': ' * bool(texts)}{', '.join(texts)}{more}>"
 
     def bind_record(self, record: np.ndarray[Any, Any]) -> None:
         """Use a record of the layout's type, one element, as the memory of the variables."""

@@ -195,6 +195,14 @@ def shown(unit: str) -> str:
     return unit.partition(" {")[0]
 
 
+def declaration(role: str, name: str, shape: tuple[int, ...], symbol: str, description: str) -> str:
+    """A variable in one line: `<output position[3] [m]: tip of the catheter>`."""
+    size = f"[{','.join(map(str, shape))}]" if shape else ""
+    label = f" [{shown(symbol)}]" if symbol not in ("", "1") else ""
+    text = f": {description}" if description else ""
+    return f"<{role} {name}{size}{label}{text}>"
+
+
 def parse_with_pint(text: str) -> Unit:
     """Parse with pint a text that `spelled` accepted."""
     if unstable := [word for word in WORD.findall(text) if word in UNSTABLE or word.removesuffix("s") in UNSTABLE]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from twin.component import unit
 from twin.errors import DeclarationError
 
 if TYPE_CHECKING:
@@ -82,6 +83,10 @@ class Variable:
     fixed: bool = False
     source: str = ""
     name: str = ""
+
+    def __repr__(self) -> str:
+        name = f"{self.name} = {self.start}" if self.role is Role.parameter and not self.shape else self.name
+        return unit.declaration(self.role, name, self.shape, self.unit, self.description)
 
     def __get__(self, instance: Any, owner: Any = None) -> Any:
         if instance is None:

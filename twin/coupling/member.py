@@ -88,6 +88,9 @@ class MemberVariable:
     terminals: tuple[TerminalMember, ...] = ()  # its terminals
     interval: str = ""  # intervalVariability of a time-based clock; empty: triggered
 
+    def __repr__(self) -> str:
+        return unit.declaration(self.causality, self.name, self.shape, self.unit, self.description)
+
     @property
     def size(self) -> int:
         """Number of scalars."""

@@ -17,11 +17,12 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+    from twin.face.metric_table import MetricTable
     from twin.results import RecordedVariable, Signals
 
     Cases = Mapping[tuple[str, int], Signals]
 
-METRICS = ("metric", "variant", "seed", "value", "unit", "paper", "verdict")
+METRICS = ("metric", "variant", "seed", "value", "unit", "paper", "ratio", "verdict")
 EXPECTATIONS = ("name", "verdict", "detail")
 
 
@@ -95,16 +96,20 @@ def samples(path: Path, variables: Sequence[RecordedVariable]) -> pd.DataFrame:
     return made
 
 
-def metrics(summary: Mapping[str, Any]) -> pd.DataFrame:
+def metrics(summary: Mapping[str, Any]) -> MetricTable:
     """Return a row for each metric, variant and seed, in the metric's unit; the verdict applies to the mean over the seeds."""
+    import_optional("pandas", "python", "a DataFrame")
+    from twin.face.metric_table import MetricTable
+
     rows = [
-        (name, variant, int(seed), value, metric["unit"], figures["paper"], figures["verdict"])
+        (name, variant, int(seed), value, metric["unit"], figures["paper"], None, figures["verdict"])
         for name, metric in summary["metrics"].items()
         for variant, figures in metric["variants"].items()
         for seed, value in figures["values"].items()
     ]
-    frame = import_optional("pandas", "python", "a DataFrame").DataFrame(rows, columns=METRICS)
-    return frame.astype({"seed": int, "value": float, "paper": float})
+    table: MetricTable = MetricTable(rows, columns=METRICS).astype({"seed": int, "value": float, "paper": float})
+    table["ratio"] = table.value / table.paper.where(table.paper != 0.0)
+    return table
 
 
 def expectations(summary: Mapping[str, Any]) -> pd.DataFrame:

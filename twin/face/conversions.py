@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
+from collections.abc import Iterable, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +16,7 @@ from twin.errors import TwinError, nearest
 from twin.scenario import duration
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator
 
 OPTION = re.compile(r"--([a-z]+(?:-[a-z]+)*)(?: (?=[\d\"]))?")
 ARGUMENTS = {  # arguments of Python by option of the command line, where the names differ
@@ -101,4 +104,34 @@ def as_list(value: Any) -> list[Any]:
     """Return one or several values as a list."""
     if value is None:
         return []
-    return [value] if isinstance(value, str | int | np.integer) else list(value)
+    value = plain(value)
+    return list(value) if isinstance(value, Iterable) and not isinstance(value, str) else [value]
+
+
+def integers(value: Any, what: str) -> list[int]:
+    """Return one or several whole numbers as a list; TwinError otherwise."""
+    numbers = as_list(value)
+    if wrong := [number for number in numbers if not isinstance(number, int) or isinstance(number, bool)]:
+        raise TwinError(f"{what}: {wrong[0]!r} is not a whole number. Give one, such as 1, or a list of them.")
+    return numbers
+
+
+def mapping(value: Any, what: str, example: str) -> dict[str, Any]:
+    """Return values by name as a dict; TwinError if they are none."""
+    if value is None or isinstance(value, Mapping):
+        return dict(value or {})
+    raise TwinError(f"{what}: {value!r} is not a mapping from names to values. Give {example}.")
+
+
+def check_file(path: Any, what: str, kinds: tuple[str, ...], error: type[TwinError] = TwinError) -> None:
+    """Raise an error with similar files if a path is none, or ends like these kinds of files but does not exist."""
+    if not isinstance(path, str | os.PathLike):
+        raise error(f"{what}: {path!r} is not a path. Give that of a file, or a name.")
+    file = Path(path)
+    if file.suffix.lower() in kinds and not file.exists():
+        if not file.parent.is_dir():
+            raise error(f"{path}: cannot be read: there is no folder {file.parent.resolve()}.")
+        names = [other.name for other in file.parent.iterdir() if other.suffix.lower() in kinds]
+        raise error(
+            f"{path}: cannot be read: is not there. Looked in {file.parent.resolve()}. {nearest(file.name, names)}"
+        )

@@ -11,22 +11,22 @@ from typing import TYPE_CHECKING, Any
 
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
 from twin.face import arrays, notebook
-from twin.face.conversions import as_list, nanoseconds, override_text, python_option_names
+from twin.face.conversions import as_list, choice, mapping, nanoseconds, override_text, python_option_names
 from twin.face.interactive import interactive_figure, is_plotly_installed
 from twin.face.progress import in_notebook
 from twin.results import (
-    LATEST,
     Plot,
     PlotCurve,
     RecordedVariable,
     Signals,
+    compare_runs,
     dimension,
+    export,
     expression,
-    is_finished_run,
+    find_results,
     list_recorded_variables,
     plotting,
     read_variables,
-    resolve_latest,
     si_conversion,
 )
 from twin.run import RunOptions, event_rows
@@ -40,21 +40,19 @@ if TYPE_CHECKING:
 
     from twin import clock
     from twin.face.scenario import Scenario
-    from twin.results import Expression
+    from twin.results import Comparison, Expression
     from twin.scenario import ScenarioSpec
 
 
 def open_run(path: str | Path) -> Run:
-    """Open a finished run by its folder, or the last one as `runs/SCENARIO/latest`; TwinError if there is none."""
-    folder = resolve_latest(Path(path))
-    if not (folder / "summary.json").is_file():
-        if folder.is_dir() and any(map(is_finished_run, folder.iterdir())):
-            raise TwinError(f"{folder}: is a folder of runs. Name one of them, or {folder / LATEST}.")
-        what = "has no summary.json: the run is not finished" if folder.is_dir() else "does not exist"
-        raise TwinError(f"{folder}: {what}. Give the folder of a finished run, such as runs/heart_wall_force/{LATEST}.")
-    return Run(folder)
+    """Open a finished run: by its folder, the last one as `runs/SCENARIO/latest` or by the scenario's name in runs/.
+
+    TwinError if there is none, with similar names.
+    """
+    return Run(find_results(Path(path), "summary.json", "run", "heart_wall_force"))
 
 
+CARD_WIDTH = 6.4  # of the plot in a notebook [in]: its letters stay legible where the notebook is narrow
 OPERATORS = "+-*/("  # signs that an expression has, and few names
 
 
@@ -64,8 +62,8 @@ class Run:
     `list(run)`: names of recorded signals; `summary`: content of summary.json. All else is read on demand.
     """
 
-    def __init__(self, folder: Path, scenario: Scenario | None = None, notes: Sequence[str] = ()) -> None:
-        self.folder = folder
+    def __init__(self, folder: str | Path, scenario: Scenario | None = None, notes: Sequence[str] = ()) -> None:
+        self.folder = folder = Path(folder)
         try:
             self.summary: dict[str, Any] = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
@@ -108,7 +106,7 @@ class Run:
 
     @property
     def metrics(self) -> pd.DataFrame:
-        """Columns metric, variant, seed, value (in its unit), unit, paper, verdict (on the mean over the seeds)."""
+        """Columns metric, variant, seed, value (in its unit), unit, paper, ratio, verdict (on the mean over the seeds)."""
         return arrays.metrics(self.summary)
 
     @property
@@ -132,7 +130,8 @@ class Run:
         self, at: float | str, values: Mapping[str, Any], *, report: bool = True, build: str | Path = "build"
     ) -> Run:
         """Continue the run from a time with changed values, as a new run. `values`: tunable parameters and free inputs by name."""
-        overrides = [f"{name}={override_text(value)}" for name, value in values.items()]
+        changes = mapping(values, "values", '{"controller.setpoint": "0.3 N"}')
+        overrides = [f"{name}={override_text(value)}" for name, value in changes.items()]
         return self._continued(nanoseconds(at, "at"), overrides, report, build)
 
     def _continued(self, at_ns: clock.Time | None, overrides: Sequence[str], report: bool, build: str | Path) -> Run:
@@ -146,9 +145,11 @@ class Run:
     def scenario(self) -> Scenario:
         """The scenario of the run, to repeat it; ScenarioError if its components are missing."""
         if self._scenario is None:
-            from twin.face.scenario import load
+            from twin.face.scenario import Scenario, load
 
-            self._scenario = load(self.folder / "scenario.yaml")
+            checked = load(self.folder / "scenario.yaml").checked
+            name = self.summary["scenario"]["name"]  # of the folder of its runs
+            self._scenario = Scenario(replace(checked, name=name), {})
         return self._scenario
 
     @cached_property
@@ -176,11 +177,18 @@ class Run:
             return replace(variable, name=name, shape=())
         raise UnknownNameError(f"{self.folder}: {name!r} was not recorded. {nearest(name, self)}")
 
-    def __getitem__(self, name: str) -> xr.DataArray:
-        """Return a variable over time x variant x seed (x element), in its own unit `.attrs["units"]`.
+    def __getitem__(self, name: str | list[str]) -> Any:
+        """Return a variable over time x variant x seed (x element), in its own unit `.attrs["units"]`, as a DataArray.
 
-        Also an expression, such as `sensor.force - wall.force`. Variants that did not record it are omitted.
+        Also an expression, such as `sensor.force - wall.force`; a list of variables as a Dataset. Variants that did not record
+        it are omitted.
         """
+        if isinstance(name, list):
+            variables = [self.variable(item) for item in name]
+            return arrays.dataset(variables, read_variables(self._signals, variables), self.variants, self.seeds)
+        if not isinstance(name, str):
+            example = 'run["sensor.force"].sel(variant="PI", seed=1)'
+            raise UnknownNameError(f"{self.folder}: {name!r} is not the name of a signal. Use, for example, {example}.")
         if name not in self and any(sign in name for sign in OPERATORS):
             return self._evaluated(name)
         variable = self.variable(name)
@@ -204,7 +212,7 @@ class Run:
             parsed = expression.parse(text)
         except ScenarioError as error:
             raise UnknownNameError(
-                f"{self.folder}: {text!r} was not recorded, and {error}. {nearest(text, candidates)}"
+                f"{self.folder}: {text!r} was not recorded, and {str(error).rstrip('.')}. {nearest(text, candidates)}"
             ) from None
         for signal in parsed.signals:
             self.variable(signal.name)
@@ -217,11 +225,35 @@ class Run:
 
         `patterns`: names or patterns of variables, such as `sensor.*`; all by default.
         """
+        return arrays.samples(self._signals, self._matching(patterns))
+
+    def _matching(self, patterns: Sequence[str]) -> list[RecordedVariable]:
+        """Return the variables with these names or patterns, all without any; UnknownNameError if there is none of one."""
         names = [name for pattern in patterns for name in fnmatch.filter(self, pattern)]
         for pattern in patterns:
             if not fnmatch.filter(self, pattern):
                 self.variable(pattern)
-        return arrays.samples(self._signals, [self._recorded[name] for name in dict.fromkeys(names or self)])
+        return [self._recorded[name] for name in dict.fromkeys(names or self)]
+
+    def export(self, path: str | Path, *patterns: str) -> Path:
+        """Write signals of all cases for other tools: .csv, .mat (MATLAB) or .mcap; return the path. `patterns`: as of `to_dataframe`."""
+        target = Path(path)
+        choice(
+            target.suffix.lower(),
+            (".csv", ".mat", ".mcap"),
+            f"{path}: kind of file (for Parquet, take signals.parquet in the run's folder)",
+        )
+        if not target.parent.is_dir():
+            raise TwinError(f"{path}: there is no folder {target.parent.resolve()}. Create it first.")
+        export(
+            self._signals, target, self._matching(patterns), {(c["variant"], c["seed"]) for c in self.summary["cases"]}
+        )
+        return target
+
+    def compare(self, other: Run | str | Path, *patterns: str, tolerance: float = 0.0) -> Comparison:
+        """Compare with another run, sample by sample: `agrees`, `differing` signals, `problems`. `tolerance`: relative."""
+        second = other if isinstance(other, Run) else open_run(other)
+        return compare_runs((self.folder, second.folder), (self.summary, second.summary), tolerance, patterns)
 
     def __iter__(self) -> Iterator[str]:
         """Iterate over the names of recorded signals."""
@@ -325,16 +357,20 @@ class Run:
         cases = f"{len(self.variants)} variants x {len(self.seeds)} seeds"
         return f"<Run {self.folder}: {self.status}, {'passed' if self.passed else 'not passed'}, {cases}>"
 
+    def __str__(self) -> str:
+        return notebook.run_text(self.summary, self.folder)
+
     def _repr_html_(self) -> str:
         failures = [outcome for outcome in self.summary["expectations"] if outcome["verdict"] == "fail"]
         return notebook.page(
             notebook.heading(self.summary["scenario"]["title"]),
-            notebook.state(self.summary, self.folder),
+            notebook.state(self.summary),
+            notebook.links(self.folder),
             notebook.paragraph(self.summary.get("sentence", "")),
             *map(notebook.paragraph, self.notes),
             notebook.expectations(failures),
             notebook.verdicts(self.summary),
-            self._first_plot(),
+            notebook.plot(self._first_plot()),
             notebook.folded("All requirements", notebook.expectations(self.summary["expectations"])),
             notebook.folded("System", notebook.scenario_system(self._checked)),
         )
@@ -342,9 +378,11 @@ class Run:
     def _first_plot(self) -> str:
         """Return the first plot of the scenario as SVG; nothing without one, or if its signals were not recorded."""
         try:
-            return str(self.plot(*[plot.title for plot in self._checked.plots[:1]], interactive=False)._repr_svg_())
+            figure = self.plot(*[plot.title for plot in self._checked.plots[:1]], interactive=False)
         except TwinError:
             return ""
+        figure.set_size_inches(CARD_WIDTH, figure.get_size_inches()[1])
+        return str(figure._repr_svg_())
 
 
 def names_of(parsed: Expression) -> list[str]:

@@ -14,7 +14,7 @@ from twin.compiler import model_name
 from twin.component import Component, catalog
 from twin.errors import DeclarationError, FMUError, SimulationError, TwinError
 from twin.face.arrays import frame
-from twin.face.conversions import as_list, choice, plain, python_option_names, seconds
+from twin.face.conversions import as_list, check_file, choice, plain, python_option_names, seconds
 from twin.face.progress import progress_callback
 from twin.face.scenario import Scenario, reference
 from twin.files import split_unit
@@ -58,6 +58,7 @@ def simulate(
     `10 ms`; defaults of the FMU otherwise. `.attrs` has `units`, `notes`, `log`, and `interrupted` after Ctrl-C.
     SimulationError if the FMU fails, with the `results` so far; TwinError for other problems.
     """
+    check_file(fmu, "fmu", (".fmu",), FMUError)
     path = Path(fmu)
     given = {name: plain(value) for name, value in (start_values or {}).items()}
     with python_option_names(), progress_callback(progress, path.stem) as share:
@@ -174,6 +175,7 @@ def exportable(
     if isinstance(what, Scenario):
         return part(what.checked, members, group, variant)
     if not isinstance(what, type):
+        check_file(what, "what", (".yaml", ".yml"))
         if str(what).endswith((".yaml", ".yml")):
             return part(load_scenario(what), members, group, variant)
         what = catalog.component(str(what))

@@ -3,37 +3,46 @@
 from __future__ import annotations
 
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 from twin.results import common_format, count_verdicts, format_value, si_conversion
 from twin.structure import picture
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
-    from pathlib import Path
 
     from twin.scenario import ScenarioSpec
 
 STYLE = """<style>
 .twin { max-width: 900px; }
+.twin .wide { overflow-x: auto; }
+.twin .plot { width: fit-content; background: #fff; border-radius: 4px; }
+.twin .plot svg { display: block; max-width: 100%; height: auto; }
 .twin h4 { margin: 0 0 4px; font-size: 1.1em; }
 .twin p { margin: 2px 0 8px; opacity: .75; }
 .twin table { border-collapse: collapse; margin: 8px 0; font-variant-numeric: tabular-nums; }
-.twin th, .twin td { padding: 3px 12px 3px 0; text-align: left; vertical-align: top; border: 0; border-bottom: 1px solid #8884;
+.twin th, .twin td { padding: 3px 10px 3px 0; text-align: left; vertical-align: top; border: 0; border-bottom: 1px solid #8884;
   background: none; }
 .twin th.number, .twin td.number { text-align: right; white-space: nowrap; }
 .twin b.pass { color: #2a9d6f; } .twin b.fail, .twin b.none { color: #e0525f; } .twin b.other, .twin b.cut { color: #d08a1d; }
 .twin b.skipped, .twin b.info { opacity: .6; font-weight: 400; }
 .twin summary { cursor: pointer; margin: 8px 0; }
 </style>"""
-CASES = 12  # that are listed
+CASES = 12  # variants, seeds and rows that are listed
+FAILED = ("fail", "none")  # verdicts
 WORDS = {
     "pass": "✓ pass",
     "fail": "✗ fail",
     "none": "no value",
     "info": "-",
-    "other": "not comparable (settings differ from the paper's)",
-    "cut": "not comparable (the run ends before the metric's window)",
+    "other": "other settings",
+    "cut": "run too short",
+}
+NOTES = {
+    "other": "Other settings than the paper's: not comparable.",
+    "cut": "Run too short: it ends before the window of the metric.",
 }
 
 
@@ -81,7 +90,12 @@ def heading(text: str) -> str:
 def table(titles: Mapping[str, str], rows: Iterable[Iterable[str]]) -> str:
     """Return a table; `titles`: with the class of their column."""
     body = [line("td", zip(row, titles.values(), strict=True)) for row in rows]
-    return f"<table>{line('th', titles.items())}{''.join(body)}</table>" if body else ""
+    return f"<div class=wide><table>{line('th', titles.items())}{''.join(body)}</table></div>" if body else ""
+
+
+def plot(svg: str) -> str:
+    """Return a plot on white, as wide as the notebook allows; nothing without one."""
+    return f"<div class=plot>{svg}</div>" if svg else ""
 
 
 def line(tag: str, cells: Iterable[tuple[str, str]]) -> str:
@@ -107,24 +121,60 @@ def si(number: float, unit: str) -> float:
     return number * factor + offset
 
 
-def verdicts(summary: Mapping[str, Any]) -> str:
-    """Return the table of metrics beside reference figures."""
-    metrics: Mapping[str, Any] = summary["metrics"]
-    compared = any(
-        figures["paper"] is not None for metric in metrics.values() for figures in metric["variants"].values()
-    )
+def metric_rows(summary: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Return the texts of each metric and variant, in one unit a metric: failures first, then metrics of the paper.
+
+    `rank`: 0 of a metric that fails, 1 of one with figures of the paper, else 2.
+    """
     rows = []
-    for name, metric in metrics.items():
-        description, unit = metric["description"], metric["unit"]
-        values = [figures[key] for figures in metric["variants"].values() for key in ("paper", "mean")]
-        style = common_format([si(number, unit) for number in values if number is not None], unit)
-        for number, (variant, figures) in enumerate(metric["variants"].items()):
-            title = f'<span title="{escape(description)}">{escape(name)}</span>' if number == 0 else ""
-            keys = ("paper", "mean") if compared else ("mean",)
-            cells = [escape(style.text(None if figures[key] is None else si(figures[key], unit))) for key in keys]
-            rows.append([title, escape(variant), *cells, verdict(figures["verdict"])])
-    paper = {"paper": "number"} if compared else {}
-    return table({"metric": "text", "variant": "text", **paper, "mean over seeds": "number", "verdict": "text"}, rows)
+    for name, metric in summary["metrics"].items():
+        unit, variants = metric["unit"], metric["variants"]
+        numbers = [figures[key] for figures in variants.values() for key in ("paper", "mean")]
+        style = common_format([si(number, unit) for number in numbers if number is not None], unit)
+        fails = any(figures["verdict"] in FAILED for figures in variants.values())
+        is_compared = any(figures["paper"] is not None for figures in variants.values())
+        common = {"metric": name, "description": metric["description"], "unit": style.label}
+        common["rank"] = "0" if fails else "1" if is_compared else "2"
+        for variant, figures in variants.items():
+            texts = {
+                key: style.number(None if figures[key] is None else si(figures[key], unit)) for key in ("mean", "paper")
+            }
+            ratio = figures.get("ratio")
+            texts |= {"ratio": "-" if ratio is None else f"{ratio:.2f}", "verdict": figures["verdict"]}
+            rows.append({**common, "variant": variant, **texts})
+    return sorted(
+        rows, key=lambda row: (row["rank"], list(summary["metrics"]).index(row["metric"]), not is_failed(row))
+    )
+
+
+def is_failed(row: Mapping[str, str]) -> bool:
+    """Return whether a metric of a variant fails."""
+    return row["verdict"] in FAILED
+
+
+def verdicts(summary: Mapping[str, Any]) -> str:
+    """Return the table of metrics beside figures of the paper; metrics without any are folded if there are others."""
+    rows = metric_rows(summary)
+    first = [row for row in rows if row["rank"] < "2"] or rows[:CASES]
+    count = len({row["metric"] for row in rows[len(first) :]})
+    notes = " ".join(note for word, note in NOTES.items() if any(row["verdict"] == word for row in rows))
+    more = folded(f"{count} more metric{'s' * (count > 1)}", metric_table(rows[len(first) :]))
+    return metric_table(first) + paragraph(notes) + more
+
+
+def metric_table(rows: Iterable[Mapping[str, str]]) -> str:
+    """Return a table of metrics, each named once."""
+    rows = list(rows)
+    keys = ("mean", "paper", "ratio") if any(row["paper"] != "-" for row in rows) else ("mean",)
+    cells, last = [], ""
+    for row in rows:
+        unit = f" [{row['unit']}]" * bool(row["unit"])
+        title = f'<span title="{escape(row["description"])}">{escape(row["metric"] + unit)}</span>'
+        texts = [title * (row["metric"] != last), escape(row["variant"]), *(escape(row[key]) for key in keys)]
+        cells.append([*texts, verdict(row["verdict"])])
+        last = row["metric"]
+    titles = {"metric": "text", "variant": "text", **dict.fromkeys(keys, "number"), "verdict": "text"}
+    return table(titles, cells)
 
 
 def expectations(outcomes: Iterable[Mapping[str, Any]]) -> str:
@@ -133,17 +183,63 @@ def expectations(outcomes: Iterable[Mapping[str, Any]]) -> str:
     return table({"": "text", "requirement": "text", "result": "text"}, rows)
 
 
-def state(summary: Mapping[str, Any], folder: Path) -> str:
-    """Return the outcome and the folder of a run."""
+def outcome(summary: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the kind of the outcome of a run, pass or fail, and its text."""
     met, judged = count_verdicts(summary)
-    kind, text = "pass", f"✓ {met} of {judged} requirements met"
     if summary["status"] != "completed":
-        kind, text = "fail", f"{summary['status']}: {summary['reason']}"
-    elif not summary["passed"]:
-        kind, text = "fail", f"✗ {met} of {judged} requirements met"
-    elif not judged:
-        text = "✓ completed"
-    cases = [f"{case['variant']} {case['seed']}" for case in summary["cases"]]
-    more = " …" if len(cases) > CASES else ""
+        return "fail", f"{summary['status']}: {summary['reason']}"
+    if not summary["passed"]:
+        return "fail", f"✗ {met} of {judged} requirements met"
+    return "pass", f"✓ {met} of {judged} requirements met" if judged else "✓ completed"
+
+
+def cases(summary: Mapping[str, Any]) -> str:
+    """Return the variants and seeds of a run: `variants PI · PI+FF, replayed; seeds 1 · 2 · 3`, as names may have commas."""
+    parts = []
+    for kind in ("variant", "seed"):
+        names = list(dict.fromkeys(str(case[kind]) for case in summary["cases"]))
+        more = f" and {len(names) - CASES} more" if len(names) > CASES else ""
+        parts.append(f"{kind}{'s' * (len(names) != 1)} {' · '.join(names[:CASES])}{more}")
+    return "; ".join(parts)
+
+
+def state(summary: Mapping[str, Any]) -> str:
+    """Return the outcome and the cases of a run."""
+    kind, text = outcome(summary)
     notes = "".join(paragraph(f"Note: {sentence}") for sentence in summary.get("unjudged", ()))
-    return f'<b class="{kind}">{escape(text)}</b>{notes}' + paragraph(f"{', '.join(cases[:CASES])}{more}; {folder}")
+    return f'<b class="{kind}">{escape(text)}</b>{notes}' + paragraph(cases(summary))
+
+
+def links(folder: Path, command: str = "twin view") -> str:
+    """Return links to the report and the viewer's page of a run; without the page, the command that opens the viewer."""
+    pages = {"Report": folder / "report.html", "Viewer": folder / "signals.html"}
+    parts = [f'<a href="{escape(link(path))}">{name}</a>' for name, path in pages.items() if path.exists()]
+    if command and not pages["Viewer"].exists():
+        parts.append(f"curves in a terminal: <code>{command} {escape(shown(folder))}</code>")
+    return f"<p>{' · '.join(parts)}</p>"
+
+
+def link(path: Path) -> str:
+    """Return the address of a file for a notebook: relative to the working folder, or a file URI outside of it."""
+    where = shown(path)
+    return path.resolve().as_uri() if Path(where).is_absolute() else quote(Path(where).as_posix())
+
+
+def shown(path: Path) -> str:
+    """Return a path relative to the working folder, if it is in it."""
+    absolute, here = path.resolve(), Path.cwd()
+    return str(absolute.relative_to(here) if absolute.is_relative_to(here) else path)
+
+
+def run_text(summary: Mapping[str, Any], folder: Path) -> str:
+    """Return a run in some lines: outcome, sentence, failures, cases, folder."""
+    failures = [
+        f"FAIL {result['name']}: {result['detail']}"
+        for result in summary["expectations"]
+        if result["verdict"] == "fail"
+    ]
+    for row in filter(is_failed, metric_rows(summary)):
+        paper = f" (paper {row['paper']}, ratio {row['ratio']})" if row["paper"] != "-" else ""
+        failures.append(f"FAIL {row['metric']}, {row['variant']}: {row['mean']} {row['unit']}".rstrip() + paper)
+    title = f"{summary['scenario']['title']}: {outcome(summary)[1]}"
+    return "\n".join(filter(None, [title, summary.get("sentence", ""), *failures, cases(summary), shown(folder)]))

@@ -1,4 +1,4 @@
-"""A scenario file in Python: content, changed values, runs."""
+"""A scenario file in Python: content, changed values, runs; functions that run, step or follow a file in one call."""
 
 from __future__ import annotations
 
@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Any
 from twin.component import Component
 from twin.errors import ScenarioError
 from twin.face import notebook
-from twin.face.conversions import as_list, choice, nanoseconds, override_text, python_option_names
+from twin.face.conversions import (
+    as_list,
+    check_file,
+    choice,
+    integers,
+    mapping,
+    nanoseconds,
+    override_text,
+    python_option_names,
+)
 from twin.face.finished_run import Run
 from twin.face.progress import progress_callback
 from twin.face.simulation import Simulation, sourceless
@@ -22,11 +31,13 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from twin.face.progress import Progress
+    from twin.follow import Following
     from twin.scenario import ScenarioSpec
 
 
 def load(path: str | Path) -> Scenario:
     """Read and check a scenario file; ScenarioError with all `problems`, as of `twin check`."""
+    check_file(path, "scenario", (".yaml", ".yml"), ScenarioError)
     checked, problems = lint(path)
     if problems:
         raise ScenarioError(problems)
@@ -122,7 +133,7 @@ class Scenario:
             options = RunOptions(
                 backend=Backend(choice(backend, Backend, "backend")),
                 variants=as_list(variants),
-                seeds=as_list(seeds),
+                seeds=integers(seeds, "seeds"),
                 root=Path(out),
                 build=Path(build),
                 report=report,
@@ -144,7 +155,7 @@ class Scenario:
         `variant`, `seed`: the first of the scenario by default. Events of the scenario happen at their time, and the signals
         of `record` are in its `results`. `backend`: compiled, fmu or interpreted.
         """
-        cases = self.checked.cases(as_list(variant), as_list(seed))
+        cases = self.checked.cases(as_list(variant), integers(seed, "seed"))
         case = cases[0]
         refuse_faults([case], None)
         catalog = resolve_catalogs(self.checked)[case.variant]
@@ -175,3 +186,86 @@ def reference(cls: type, classes: Mapping[str, type[Component]]) -> str:
     while classes.get(text, cls) is not cls:
         text += "'"
     return text
+
+
+def run(
+    scenario: str | Path | Scenario | Run,
+    variants: str | Sequence[str] | None = None,
+    seeds: int | Sequence[int] | None = None,
+    *,
+    values: Mapping[str, Any] | None = None,
+    progress: Progress = None,
+    report: bool = True,
+    out: str | Path = "runs",
+    build: str | Path = "build",
+    backend: str = "fmu",
+    checkpoint: float | str = 0.0,
+) -> Run:
+    """Run a scenario, by its path, the name of a shipped one or a run of it, with changed `values`; ScenarioError with all `problems`.
+
+        run = twin.run("heart_wall_force", "PI", values={"heart.rate": "1.4 Hz"})
+        run.metrics; run["sensor.measured_force"]
+
+    `values`: by name, as of `Scenario.set`. `variants`, `seeds`: all of the scenario by default. `progress`: True for a bar,
+    or a callback. `report`: whether report.html is written. `out`: folder of the run folders, `build`: of compiled FMUs.
+    `backend`: fmu, compiled or interpreted. `checkpoint`: simulated time [s] between checkpoints; 0: none.
+    """
+    return with_values(scenario, values).run(
+        variants,
+        seeds,
+        progress=progress,
+        report=report,
+        out=out,
+        build=build,
+        backend=backend,
+        checkpoint=checkpoint,
+    )
+
+
+def live(
+    scenario: str | Path | Scenario | Run,
+    variant: str | None = None,
+    seed: int | None = None,
+    *,
+    values: Mapping[str, Any] | None = None,
+    rate: float = 1.0,
+    backend: str = "compiled",
+    build: str | Path = "build",
+) -> Simulation:
+    """Initialize one case of a scenario and return it as a simulation that `advance` paces against the wall clock.
+
+        with twin.live("heart_wall_force", "PI") as simulation:
+            simulation.advance("5 s")
+            simulation["controller.setpoint"] = "0.3 N"
+            simulation.advance(until=simulation.stop_time)
+
+    `rate`: simulated over wall-clock time, 0.1 to 10, or inf: as fast as possible. `values`: by name, as of `Scenario.set`,
+    also of fixed parameters. All else as of `Scenario.simulate`; signals are those of `run` to the bit if nothing is set.
+    """
+    simulation = with_values(scenario, values).simulate(variant, seed, backend=backend, build=build)
+    simulation.rate = rate
+    return simulation
+
+
+def with_values(scenario: str | Path | Scenario | Run, values: Mapping[str, Any] | None) -> Scenario:
+    """Return a scenario, or that of a run, with changed values."""
+    if isinstance(scenario, Run):
+        scenario = scenario.scenario
+    changed = scenario if isinstance(scenario, Scenario) else load(scenario)
+    for name, value in mapping(values, "values", '{"heart.rate": "1.4 Hz"}').items():
+        changed = changed.set(name, value)
+    return changed
+
+
+def follow(
+    file: str | Path,
+    *,
+    recording: str | Path | None = None,
+    rig: str | Path | None = None,
+    build: str | Path = "build",
+) -> Following:
+    """Return the estimates of a follow file's recording or rig, to be iterated; ScenarioError with all problems."""
+    from twin.follow import Following
+
+    check_file(file, "file", (".yaml", ".yml"), ScenarioError)
+    return Following(file, recording, rig, build)

@@ -262,7 +262,8 @@ class Simulation:
 
     def __repr__(self) -> str:
         state = self.reason or ("running" if self._close.alive else "closed")
-        return f"<Simulation at {clock.text(self._simulated.time)}: {state}>"
+        members = ", ".join(self._catalog)
+        return f"<Simulation of {self._case.name} at {clock.text(self._simulated.time)}: {state}; members {members}>"
 
 
 def report_seconds(progress: Callable[[float], object], time: clock.Time) -> None:

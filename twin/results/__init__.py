@@ -26,7 +26,14 @@ from twin.results.evaluation.sentence import check_sentence, fill_sentence
 from twin.results.evaluation.violations import Violation, consecutive_spans, find_violations
 from twin.results.plot_annotations import EventLine, join_numbers
 from twin.results.recording import rows, run_folder, signals, stream
-from twin.results.recording.latest_run import LATEST, finished_runs, is_finished_run, link_latest, resolve_latest
+from twin.results.recording.latest_run import (
+    LATEST,
+    find_results,
+    finished_runs,
+    is_finished_run,
+    link_latest,
+    resolve_latest,
+)
 from twin.results.recording.run_folder import RecordedVariable, count_verdicts, write_text
 from twin.results.recording.signal_reader import list_recorded_variables, read_variables, readable_recording
 from twin.results.recording.signals import Signals, Window, format_value, si_conversion, window_mask
@@ -34,19 +41,20 @@ from twin.results.recording.stream import Journal, RunRecording, column_from_dic
 
 if TYPE_CHECKING:
     from twin.results import calibration, calibration_report, figure_files, plotting
-    from twin.results.comparison import compare_runs
+    from twin.results.comparison import Comparison, compare_runs
     from twin.results.exporters import export
     from twin.results.plotting import histogram
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submodules=["calibration", "calibration_report", "figure_files", "plotting"],
-    submod_attrs={"comparison": ["compare_runs"], "exporters": ["export"], "plotting": ["histogram"]},
+    submod_attrs={"comparison": ["Comparison", "compare_runs"], "exporters": ["export"], "plotting": ["histogram"]},
 )
 
 __all__ = [
     "LATEST",
     "Analysis",
+    "Comparison",
     "Evaluation",
     "EventLine",
     "Expectation",
@@ -81,6 +89,7 @@ __all__ = [
     "expression",
     "figure_files",
     "fill_sentence",
+    "find_results",
     "find_unfinished_runs",
     "find_violations",
     "finished_runs",

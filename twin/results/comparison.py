@@ -82,6 +82,9 @@ class Comparison:
     tolerance: float
     missing: tuple[Missing, ...] = ()
 
+    def __repr__(self) -> str:
+        return f"<Comparison: {self.headline}>"
+
     @property
     def differing(self) -> list[Difference]:
         """Signals beyond the tolerance, sorted by time of first deviation; the first is the likeliest cause."""

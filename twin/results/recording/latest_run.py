@@ -10,13 +10,15 @@ from pathlib import Path
 from twin.errors import TwinError, nearest
 from twin.files import write_atomically
 
+SUMMARY = "summary.json"  # of a finished run
+ROOT = Path("runs")  # default folder of the results of all scenarios and studies
 LATEST = "latest"  # name of the link in the folder of a scenario
 STAMP = re.compile(r"(\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d)(?:_(\d+))?")
 
 
-def is_finished_run(folder: Path) -> bool:
-    """Return whether a folder is that of a finished run."""
-    return STAMP.fullmatch(folder.name) is not None and (folder / "summary.json").is_file()
+def is_finished_run(folder: Path, file: str = SUMMARY) -> bool:
+    """Return whether a folder is that of a finished run, or of a study with `file`."""
+    return STAMP.fullmatch(folder.name) is not None and (folder / file).is_file()
 
 
 def run_order(folder: Path) -> tuple[str, int]:
@@ -31,20 +33,51 @@ def finished_runs(root: Path) -> list[Path]:
     return sorted(filter(is_finished_run, folders), key=run_order, reverse=True)
 
 
-def resolve_latest(folder: Path) -> Path:
+def resolve_latest(folder: Path, file: str = SUMMARY) -> Path:
     """Return the folder of a run; `SCENARIO/latest` is the last finished one. TwinError if there is none."""
     is_own_folder = folder.is_dir() and not folder.is_symlink()  # a person may call a run so
-    return folder if folder.name != LATEST or is_own_folder else latest_run(folder.parent)
+    return folder if folder.name != LATEST or is_own_folder else latest_run(folder.parent, file)
 
 
-def latest_run(parent: Path) -> Path:
-    """Return the last finished run in the folder of a scenario."""
-    runs = list(filter(is_finished_run, parent.iterdir())) if parent.is_dir() else []
+def latest_run(parent: Path, file: str = SUMMARY) -> Path:
+    """Return the last finished run in the folder of a scenario, or study in that of a study."""
+    runs = [folder for folder in parent.iterdir() if is_finished_run(folder, file)] if parent.is_dir() else []
     if runs:
         return max(runs, key=run_order)
-    scenarios = [path.name for path in parent.parent.iterdir() if path.is_dir()] if parent.parent.is_dir() else []
-    hint = nearest(parent.name, scenarios) if not parent.is_dir() else "Run the scenario first."
+    hint = suggest_folders(parent, file) if not parent.is_dir() else "Run the scenario first."
     raise TwinError(f"{parent}: holds no finished run. {hint}")
+
+
+def find_results(path: Path, file: str, kind: str, example: str) -> Path:
+    """Return the folder with `file`, by its path, as NAME/latest, or by the NAME of what was run last in runs/.
+
+    TwinError if there is none: where was looked, and names that are similar. `kind`: run or study, `example`: a NAME.
+    """
+    folder = resolve_latest(path, file)
+    if (folder / file).is_file():
+        return folder
+    if folder.is_dir():
+        if any(is_finished_run(item, file) for item in folder.iterdir()):
+            many = "studies" if kind == "study" else "runs"
+            raise TwinError(f"{folder}: is a folder of {many}. Name one of them, or {folder / LATEST}.")
+        text = f"has no {file}: the {kind} is not finished."
+        raise TwinError(f"{folder}: {text} Give the folder of a finished {kind}, such as {ROOT}/{example}/{LATEST}.")
+    if len(folder.parts) == 1 and (ROOT / folder).is_dir():
+        return latest_run(ROOT / folder, file)
+    raise TwinError(f"{folder}: does not exist. {suggest_folders(folder, file)}")
+
+
+def suggest_folders(folder: Path, file: str) -> str:
+    """Return where a folder was looked for, and similar names there of folders that hold results with `file`."""
+    missing = next(item for item in [*reversed(folder.parents), folder] if not item.exists())
+    parents = [missing.parent, *([ROOT] if len(missing.parts) == 1 and ROOT.is_dir() else [])]
+    names = [item.name for parent in parents for item in parent.iterdir() if has_results(item, file)]
+    return f"Looked in {' and '.join(str(parent.resolve()) for parent in parents)}. {nearest(missing.name, names)}"
+
+
+def has_results(folder: Path, file: str) -> bool:
+    """Return whether a folder is a run or a study, or has one in it."""
+    return (folder / file).is_file() or any(folder.glob(f"*/{file}"))
 
 
 def link_latest(folder: Path) -> None:

@@ -51,6 +51,9 @@ class RecordedVariable:
     description: str = ""
     index: tuple[int, ...] = ()
 
+    def __repr__(self) -> str:
+        return unit.declaration("signal", self.label, self.shape, self.unit, self.description)
+
     @property
     def label(self) -> str:
         """Name with index: `sheath.x[1]`, counted from 1 as in Modelica."""

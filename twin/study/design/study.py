@@ -66,6 +66,10 @@ class Study:
     knobs: tuple[Knob, ...] = ()
     limits: tuple[Limit, ...] = ()
 
+    def __repr__(self) -> str:
+        names = ", ".join(factor.name for factor in self.all_factors)
+        return f"<Study {self.name}: {self.title}; variants {', '.join(self.variants)}; {self.count} cases; varies {names}>"
+
     @property
     def name(self) -> str:
         """Name of the file."""

@@ -1,0 +1,209 @@
+"""Values in the page: cursors, read-out, ranges of seeds, axes, tables, metrics."""
+
+import re
+
+import numpy as np
+import pytest
+
+from tests.viewer.pages import Page, numbers, samples_of, table
+from tests.viewer.recorded import FORCE, folder_of, runs, wave
+from twin.viewer import embedded_page
+
+pytest.importorskip("nicegui")
+pytestmark = pytest.mark.slow
+MINUS = "\N{MINUS SIGN}"
+
+
+def test_two_cursors_snap_to_samples_and_are_dragged(open_page, folders):
+    page = open_page()
+    page.page.locator("#band").uncheck()
+    page.drawn()
+    for part in (0.25, 0.5):
+        page.page.mouse.click(*page.place(part))
+    a, b = page.state["cursors"]
+    time, own = samples_of(folders, page.state["cases"][0])
+    assert np.min(np.abs(time - a)) == np.min(np.abs(time - b)) == 0.0
+    _, times, _, line, *_ = table(page, ["A", "B", "B \u2212 A"])
+    assert numbers(times[1:4]) == pytest.approx([a, b, b - a], abs=1e-3)
+    assert times[4] == f"1 / (B \u2212 A): {1 / (b - a):.4g} Hz"
+    expected = [own[np.searchsorted(time, one)] for one in (a, b)]
+    resolution = np.ptp(own) / 1000
+    assert numbers(line[1:4]) == pytest.approx([*expected, expected[1] - expected[0]], abs=resolution)
+    between = own[(time >= a) & (time <= b)]
+    statistics = [
+        between.mean(),
+        between.std(),
+        np.sqrt(np.mean(between**2)),
+        between.min(),
+        between.max(),
+        np.ptp(between),
+    ]
+    assert numbers(line[4:10]) == pytest.approx(statistics, abs=resolution)
+    page.drag(0.5, 0.75)  # cursor B
+    moved = page.state["cursors"]
+    assert (moved[0], page.state["window"]) == (a, None)
+    assert moved[1] == pytest.approx(1.5, abs=0.02)
+    assert np.min(np.abs(time - moved[1])) == 0.0
+
+
+def test_the_pointer_reads_values_and_a_click_on_a_name_dims(open_page, folders):
+    page = open_page()
+    page.page.mouse.move(*page.place(0.5))
+    page.page.locator(".twin-hover").wait_for()
+    title, *rows = page.page.locator(".twin-hover").inner_text().splitlines()
+    assert float(title.split()[0]) == pytest.approx(1.0, abs=0.01)
+    assert len([one for one in rows if " mm (" in one]) == 4  # means with their ranges
+    page.page.get_by_role("button", name="A: slow, 2 seeds", exact=True).click()
+    assert page.page.locator(".twin-dimmed").count() == 1
+    page.page.mouse.move(*page.place(0.6))
+    page.page.wait_for_function("document.querySelectorAll('.twin-hover > div').length === 3")
+    box = page.page.locator("#chart").bounding_box()
+    page.page.mouse.move(box["x"] + 5, box["y"] + box["height"] - 3)
+    page.page.locator(".twin-hover").wait_for(state="hidden")
+
+
+def test_seeds_are_a_mean_in_its_range_and_runs_differ_by_dash(open_page, folders):
+    page = open_page()
+    (pane,) = page.curves()
+    assert [one["label"] for one in pane["curves"]] == [
+        "A: slow, 2 seeds",
+        "A: fast, 2 seeds",
+        "B: slow, 2 seeds",
+        "B: fast, 2 seeds",
+    ]
+    drawn = page.page.evaluate("""() => { const { chart } = document.getElementById("chart");
+        return chart.panes[0].curves.map(({ color, dash, low, high }) => [color, dash.join(), [...chart.data[low].y], [...chart.data[high].y]]); }""")
+    assert [one[:2] for one in drawn] == [[0, ""], [1, ""], [0, "7,3"], [1, "7,3"]]
+    seeds = [samples_of(folders, number)[1] for number in (0, 1)]
+    np.testing.assert_allclose(pane["curves"][0]["y"], np.mean(seeds, axis=0))
+    np.testing.assert_allclose(drawn[0][2], np.min(seeds, axis=0))
+    np.testing.assert_allclose(drawn[0][3], np.max(seeds, axis=0))
+    page.page.locator("#band").uncheck()
+    assert len(page.curves()[0]["curves"]) == 8
+
+
+def test_the_time_plays_and_stops(open_page):
+    page = open_page()
+    page.page.get_by_label("speed").select_option("10")
+    page.page.get_by_label("play", exact=True).click()
+    page.page.wait_for_function("document.getElementById('chart').chart.time > 1.99")
+    page.page.get_by_label("play", exact=True).wait_for()  # it has stopped at the end
+    for _ in range(50):  # until the values at the end have come
+        (head, times, *_) = table(page, ["now"])
+        if (now := numbers([times[head.index("now")]])) == [2.0]:
+            break
+        page.page.wait_for_timeout(100)
+    assert now == [2.0]
+    page.page.get_by_label("take the time cursor away").click()
+    assert page.page.evaluate("document.getElementById('chart').chart.time") is None
+
+
+def test_values_at_the_cursors_are_read_on_a_phone(browser, address):
+    context = browser.new_context(viewport={"width": 360, "height": 740}, has_touch=True)
+    page = Page(context, address)
+    page.page.locator("#chart").scroll_into_view_if_needed()
+    for part in (0.25, 0.5):
+        page.page.touchscreen.tap(*page.place(part))
+        page.page.wait_for_timeout(400)
+    values = page.page.locator("#chart .twin-chip b")
+    assert (values.first.is_visible(), "\N{RIGHTWARDS ARROW}" in values.first.inner_text()) == (True, True)
+    assert page.page.evaluate("document.documentElement.scrollWidth") == 360
+    context.close()
+
+
+def test_the_table_follows_while_the_time_plays(open_page):
+    page = open_page()
+    page.page.get_by_label("speed").select_option("0.5")
+    page.page.get_by_label("play", exact=True).click()
+    head, *_ = table(page, ["now"])
+    column = head.index("now")
+    page.page.wait_for_function(
+        "k => { const at = parseFloat(document.querySelectorAll('#values tr')[1].cells[k].innerText); return at > 0.5 && at < 1.9; }",
+        arg=column,
+    )
+    assert page.page.get_by_label("pause", exact=True).locator("path").nth(1).is_visible()
+    page.page.get_by_label("pause", exact=True).click()
+
+
+def test_metrics_stand_beside_the_curves(open_page):
+    page = open_page()
+    metric = page.page.locator("#metrics .metric").first
+    assert metric.locator("th").all_inner_texts()[1:3] == ["twin", "paper"]
+    slow = metric.locator("tr").nth(1).locator("td").all_inner_texts()
+    assert (slow[0], float(slow[2]), slow[3]) == ("slow", 20.0, "pass")
+    metric.locator(".name").click()
+    assert [one["title"] for one in page.curves()] == ["heart.velocity", "heart.position"]
+    assert page.state["window"] == pytest.approx([0.5, 2.0])
+
+
+def test_plots_stay_tall_and_the_table_has_room(open_page):
+    page = open_page()
+    page.page.set_viewport_size({"width": 1400, "height": 900})
+    page.page.locator("#band").uncheck()
+    for text in ("heart.velocity", "heart.beats", "2 * heart.velocity", "2 * heart.beats"):
+        page.page.get_by_label("add an expression").fill(text)
+        page.page.get_by_role("button", name="Add").first.click()
+        page.page.wait_for_function("document.getElementById('signal').value === ''")
+    page.drawn()
+    heights = page.page.evaluate("document.getElementById('chart').chart.boxes.map((box) => box.height)")
+    assert min(heights) >= 114
+    legends = page.page.evaluate("[...document.querySelectorAll('.twin-names')].map((one) => one.offsetHeight)")
+    assert max(legends) <= 50
+    page.page.evaluate("document.getElementById('drawing').scrollTop = 0")
+    for part in (0.25, 0.5):
+        page.page.mouse.click(*page.place(part))
+    table(page, ["B", "rate"])
+    hidden = page.page.evaluate(
+        "(() => { const box = document.getElementById('values'); return box.scrollWidth - box.clientWidth; })()"
+    )
+    assert hidden <= 0
+    columns = page.page.evaluate(
+        "[...document.querySelectorAll('#values tr')].slice(3, 6).map((row) => [...row.cells].slice(1, 9).map((one) => one.innerText))"
+    )
+    for column in zip(*columns, strict=True):
+        assert len({len(text.partition(".")[2]) for text in column if text != "0"}) == 1
+    page.page.get_by_role("button", name="Clear A, B").click()
+    assert page.state["cursors"] == []
+
+
+TICKS = """() => { const { chart } = document.getElementById("chart"), [pane] = chart.panes, counts = [];
+    const { prototype } = CanvasRenderingContext2D, { fillText } = prototype;
+    let count = 0;
+    chart.height -= chart.boxes[0].height - 90;
+    prototype.fillText = function (...text) { count += this.textAlign === "right"; return fillText.apply(this, text); };
+    for (let k = 0; k < 60; k++) { pane.range = [0, 1 + k / 6]; count = 0; chart.draw(); counts.push(count); }
+    prototype.fillText = fillText;
+    return [chart.boxes[0].height, counts]; }"""
+
+
+@pytest.fixture
+def seeds_page(browser, tmp_path):
+    """A page of two seeds, the second three times as large as the first."""
+    time, force = wave(100.0, 2.0)
+    cases = {("PI", seed): (time, {"sensor.force": factor * force}) for seed, factor in ((1, 1.0), (2, 3.0))}
+    page = embedded_page(runs(folder_of(tmp_path / "run", cases, [FORCE])), ["sensor.force"], [0, 1])
+    (tmp_path / "page.html").write_text(page.text)
+    context = browser.new_context(viewport={"width": 1280, "height": 420}, offline=True)
+    opened = Page(context, (tmp_path / "page.html").as_uri())
+    yield opened
+    context.close()
+    assert opened.wrong == []
+
+
+def test_an_axis_of_a_small_pane_has_three_ticks(seeds_page):
+    """Whatever its range; only a pane of less than 80 px may have fewer."""
+    height, counts = seeds_page.page.evaluate(TICKS)
+    assert height == pytest.approx(90, abs=1)
+    assert min(counts) >= 3
+
+
+def test_the_read_out_shows_the_range_of_the_seeds(seeds_page):
+    time, force = wave(100.0, 2.0)
+    for part in (0.1, 0.42, 0.9):
+        seeds_page.page.mouse.move(*seeds_page.place(part))
+        seeds_page.page.locator(".twin-hover").wait_for()
+        title, *rows = seeds_page.page.locator(".twin-hover").inner_text().splitlines()
+        own = force[np.argmin(np.abs(time - float(title.split()[0])))]
+        shown = re.search(r"(\S+) N \((\S+) to (\S+)\)", " ".join(rows))
+        values = [float(text.replace(MINUS, "-")) for text in shown.groups()]
+        assert values == pytest.approx([2.0 * own, min(own, 3.0 * own), max(own, 3.0 * own)], abs=0.02)

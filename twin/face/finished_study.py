@@ -1,0 +1,142 @@
+"""A finished study in Python: its cases as a table, its answers, and the run of any case."""
+
+from __future__ import annotations
+
+import json
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from twin.errors import TwinError, UnknownNameError, nearest
+from twin.face import notebook
+from twin.face.conversions import choice
+from twin.face.finished_run import Run
+from twin.installed import import_optional
+from twin.results import find_results, readable_recording, si_conversion
+from twin.study import percent, repeat, stored_cases
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+CASES = "cases.parquet"
+SHOWN = "SI, shown in "  # before the unit of a metric in cases.parquet
+
+
+def open_study(path: str | Path) -> StudyResult:
+    """Open a study that has run: by its folder, the last one as `runs/STUDY/latest` or by the study's name in runs/.
+
+        study = twin.open_study("thousand_patients")
+        study.cases; study.metrics; study.case(study.worst_case("force_error_std", "PI")).plot()
+
+    TwinError if there is none, with similar names.
+    """
+    return StudyResult(find_results(Path(path), CASES, "study", "thousand_patients"))
+
+
+class StudyResult:
+    """Results of a study: `cases`, `metrics`, `expectations`, and `case(number)` as a `Run`. `manifest`: of manifest.json."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.manifest: dict[str, Any] = self._read("manifest.json")
+
+    def _read(self, name: str) -> dict[str, Any]:
+        path = self.folder / name
+        try:
+            content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise TwinError(f"{path}: cannot be read ({error}). Run the study again.") from None
+        return content
+
+    @property
+    def title(self) -> str:
+        """Title."""
+        return str(self.manifest["title"])
+
+    @cached_property
+    def cases(self) -> pd.DataFrame:
+        """A row for each case: factors, metrics, `holds: EXPECTATION`, status; units in `.attrs["units"]`."""
+        import_optional("pandas", "python", "a DataFrame")
+        from pyarrow import parquet
+
+        with readable_recording(self.folder / CASES):
+            table = parquet.read_table(self.folder / CASES)
+        frame: pd.DataFrame = table.to_pandas()
+        units = {field.name: ((field.metadata or {}).get(b"unit") or b"").decode() for field in table.schema}
+        for name, unit in units.items():
+            if unit.startswith(SHOWN):
+                units[name] = unit.removeprefix(SHOWN)
+                factor, offset = si_conversion(units[name])
+                frame[name] = (frame[name].astype(float) - offset) / factor
+        frame.attrs["units"] = units
+        return frame
+
+    @cached_property
+    def answers(self) -> dict[str, Any]:
+        """Content of answers.json, metrics in SI: distributions, pass rates, clusters of failures, sensitivities, pairs."""
+        return self._read("answers.json")
+
+    @property
+    def metrics(self) -> pd.DataFrame:
+        """A row for each metric and variant: unit, count, mean, deviation, quantiles, largest magnitude and its case."""
+        rows = []
+        for spread in self.answers["metrics"]:
+            unit = self.cases.attrs["units"][spread["metric"]]
+            factor, offset = si_conversion(unit)
+            row = {"metric": spread["metric"], "variant": spread["variant"], "unit": unit, "count": spread["count"]}
+            row |= {"mean": spread["mean"], **{f"{100 * q['part']:g} %": q["value"] for q in spread["quantiles"]}}
+            row = {key: (value - offset) / factor if isinstance(value, float) else value for key, value in row.items()}
+            deviation = spread["deviation"]
+            row["deviation"] = None if deviation is None else deviation / factor
+            row["worst case"] = self.worst_case(spread["metric"], spread["variant"])
+            rows.append(row)
+        return import_optional("pandas", "python", "a DataFrame").DataFrame(rows)
+
+    @property
+    def expectations(self) -> pd.DataFrame:
+        """A row for each expectation and variant: met and judged cases, pass rate with its 95 % interval, failing cases."""
+        names = {"name": "name", "variant": "variant", "met_count": "met", "count": "count", "part": "pass rate"}
+        names |= {"low": "low", "high": "high", "failing": "failing cases"}
+        rows = [{names[key]: share[key] for key in names} for share in self.answers["expectations"]]
+        return import_optional("pandas", "python", "a DataFrame").DataFrame(rows, columns=list(names.values()))
+
+    def worst_case(self, metric: str, variant: str | None = None) -> int:
+        """Return the number of the case with the largest magnitude of a metric, of a variant or of all."""
+        metrics = [name for name in self.cases if name in {spread["metric"] for spread in self.answers["metrics"]}]
+        if metric not in metrics:
+            raise UnknownNameError(f"{self.folder}: has no metric {metric!r}. {nearest(metric, metrics)}")
+        cases = self.cases
+        if variant is not None:
+            cases = cases[cases.variant == choice(variant, list(cases.variant.unique()), "variant")]
+        values = cases[metric].abs()
+        if values.isna().all():
+            raise TwinError(f"{self.folder}: no case has a value of {metric}. See `cases.why`.")
+        return int(cases.loc[values.idxmax(), "case"])
+
+    def case(self, number: int, *, out: str | Path = "runs", build: str | Path = "build") -> Run:
+        """Return a case as a run, with all signals: as the study has stored it, else run again, to the same bits."""
+        folder = stored_cases(self.folder).get(int(number))
+        if folder is None:  # for type checkers `repeat` is also a module
+            folder = repeat(self.folder, int(number), root=Path(out), build=Path(build)).folder  # type: ignore[operator]
+        return Run(folder)
+
+    def __repr__(self) -> str:
+        return f"<StudyResult {self.folder}: {self.title}; {self._state}>"
+
+    @property
+    def _state(self) -> str:
+        return "{status}, {done} cases, {failed} did not finish".format(**self.manifest)
+
+    def _repr_html_(self) -> str:
+        rates = [
+            [
+                f"{rate['name']}, {rate['variant']}",
+                percent(rate["part"]),
+                f"{rate['met_count']} of {rate['count']}",
+            ]
+            for rate in sorted(self.answers["expectations"], key=lambda rate: rate["part"])
+        ]
+        table = notebook.table({"expectation": "text", "pass rate": "number", "cases": "number"}, rates)
+        return notebook.page(
+            notebook.heading(self.title), notebook.paragraph(self._state), notebook.links(self.folder, ""), table
+        )

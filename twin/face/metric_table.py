@@ -1,0 +1,28 @@
+"""Metrics of a run as a DataFrame that prints all of its columns."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pandas as pd
+
+MAX_ROWS = 60  # that are printed; of more, the first and the last
+
+
+class MetricTable(pd.DataFrame):  # type: ignore[misc]  # pandas has no types here
+    """DataFrame of metrics, printed with every column, four digits and without row numbers; else as any DataFrame."""
+
+    @property
+    def _constructor(self) -> type[MetricTable]:
+        return MetricTable
+
+    @property
+    def _print_options(self) -> dict[str, Any]:
+        is_named = self.index.nlevels > 1 or self.index.name is not None or self.index.dtype.kind != "i"
+        return {"index": is_named, "float_format": "{:.4g}".format, "na_rep": "-", "max_rows": MAX_ROWS}
+
+    def __repr__(self) -> str:
+        return str(self.to_string(**self._print_options))
+
+    def _repr_html_(self) -> str:
+        return str(self.to_html(**self._print_options, border=0))
