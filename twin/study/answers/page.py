@@ -250,7 +250,7 @@ def tuned(outcome: StudyOutcome, answers: Answers) -> dict[str, Any] | None:
     own, keys = outcome.tuned, outcome.study.keys.tune
     if own is None or keys is None:
         return None
-    unit = outcome.study.scenario.metrics[keys.metric].unit
+    metric = outcome.study.scenario.metrics[keys.metric]
     what = f"{percent(keys.quantile)} quantile" if keys.of == "quantile" else keys.of
     rows = []
     names = [("as in the scenario", own.trials[0]), ("best", own.best)]
@@ -275,6 +275,6 @@ def tuned(outcome: StudyOutcome, answers: Answers) -> dict[str, Any] | None:
         "knobs": [k.factor.name for k in outcome.study.knobs],
         "rows": rows,
         "trials": len(own.trials),
-        "way": plots.tuning_history(own, unit, f"{what} of {keys.metric}"),
+        "way": plots.tuning_history(own, metric.unit, f"{what} of {keys.metric}", metric.is_difference),
         "limits": [limit.text for limit in outcome.study.limits],
     }
