@@ -223,8 +223,9 @@ def same_kind(first: Unit, second: Unit) -> bool:
     return first.exponents[:-1] == second.exponents[:-1]
 
 
-def cycles_or_angles(source: str, target: str, first: Unit, second: Unit) -> str:
+def cycles_or_angles(source: str, target: str) -> str:
     """Why cycles and angles per time do not convert: 60 rpm are 6.28 rad/s, which radian as a number would make 6.28 Hz; else ""."""
+    first, second = describe(source), describe(target)
     is_rate = first.exponents[2] < 0 and not any((*first.exponents[:2], *first.exponents[3:-1]))
     if first.exponents == second.exponents or not is_rate or not CYCLES.search(f"{source} {target}"):
         return ""
@@ -241,6 +242,6 @@ def conversion(source: str, target: str, what: str) -> tuple[float, float]:
         raise CouplingError(f"{what}: {error}".removeprefix(": ")) from None
     if not same_kind(a, b):
         raise CouplingError(f"{what}: {source} does not convert to {target}. Connect quantities of one kind.")
-    if turns := cycles_or_angles(source, target, a, b):
+    if turns := cycles_or_angles(source, target):
         raise CouplingError(f"{what}: {turns}".removeprefix(": "))
     return round_trip(a.factor / b.factor), (a.offset - b.offset) / b.factor
