@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from twin import clock
@@ -221,7 +221,7 @@ class Verdicts:
         if following.is_followed(self.viewed):
             return following.plots(self.viewed)
         plots = self.scenario.plots if self.scenario else ()
-        return [data for plot in plots if (data := self._plot(plot))]
+        return [data for plot in plots for part in over_one_signal(plot) if (data := self._plot(part))]
 
     def _plot(self, plot: Plot) -> dict[str, Any] | None:
         curves = [curve for curve in plot.curves if self._has(curve.signal) and (curve.x is None or self._has(curve.x))]
@@ -250,6 +250,21 @@ class Verdicts:
             "first": False,
             "range": None,
         }
+
+
+def over_one_signal(plot: Plot) -> list[Plot]:
+    """Split a plot whose curves have different horizontal axes: a pane of the viewer has one."""
+    across = list(dict.fromkeys(curve.x for curve in plot.curves))
+    if len(across) < 2:
+        return [plot]
+    return [
+        replace(
+            plot,
+            title=f"{plot.title}, over {x.text if x else 'time'}",
+            curves=tuple(curve for curve in plot.curves if curve.x == x),
+        )
+        for x in across
+    ]
 
 
 def metric_result(metric: Metric, variant: str, figures: Mapping[str, Any]) -> MetricResult:
