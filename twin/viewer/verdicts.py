@@ -78,9 +78,9 @@ class Verdicts:
         bad = [
             expectation for expectation, outcome in zip(wanted, outcomes, strict=True) if outcome["verdict"] == "fail"
         ]
-        failures = {failure.name: failure for failure in self._failures(bad)}
+        failures = iter(self._failures(bad))  # names need not be unique
         return [
-            self._judged(expectation, outcome, failures.get(outcome["name"]) if outcome["verdict"] == "fail" else None)
+            self._judged(expectation, outcome, next(failures) if outcome["verdict"] == "fail" else None)
             for expectation, outcome in zip(wanted, outcomes, strict=True)
         ]
 
@@ -155,21 +155,24 @@ class Verdicts:
         factor, offset = si_conversion(self.viewed.unit(signal), dimension.is_difference(signal))
         return (value - offset) / factor
 
-    def _failures(self, bad: list[Expectation]) -> list[Violation]:
-        """Locate failed expectations; reads signals only if there are any."""
+    def _failures(self, bad: list[Expectation]) -> list[Violation | None]:
+        """Locate each failed expectation, None if that is not possible; reads signals only if there are any."""
         if not bad or self.scenario is None:
             return []
-        metrics = {
-            expectation.metric: self.scenario.metrics[expectation.metric]
+        metrics = [
+            {name: metric for name, metric in self.scenario.metrics.items() if name == expectation.metric}
             for expectation in bad
-            if expectation.metric in self.scenario.metrics
-        }
+        ]
         wanted = [
             *(expectation.signal for expectation in bad if expectation.signal),
-            *(metric.signal for metric in metrics.values()),
+            *(metric.signal for own in metrics for metric in own.values()),
         ]
         tables = self._tables(wanted)
-        return find_violations(bad, evaluate(metrics, bad, tables), tables)
+        found = (
+            find_violations([expectation], evaluate(own, [expectation], tables), tables)
+            for expectation, own in zip(bad, metrics, strict=True)
+        )
+        return [next(iter(violations), None) for violations in found]
 
     def _tables(self, wanted: Iterable[Expression]) -> dict[Key, Signals]:
         recording, variables = self.viewed.recording, self.viewed.variables
