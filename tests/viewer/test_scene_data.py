@@ -32,6 +32,19 @@ def test_a_rig_is_drawn_with_its_sizes_and_moved_by_its_samples(tmp_path):
     assert len(scenes.samples(0, (0.0, 1.0), 100).time) == 100
 
 
+def test_signals_in_other_units_move_a_scene_in_si(tmp_path):
+    """A point at 5 mm is at 5 mm, not at 5 m."""
+    time = np.arange(11) / 10.0
+    columns = [RecordedVariable("tip.position", unit="mm", shape=(2,))]
+    place = folder_of(tmp_path / "run", {("base", 0): (time, {"tip.position": np.stack([time, 5 + time], 1)})}, columns)
+    scene = "{title: Tip, points: [{signal: tip.position, label: tip}], lines: {signal: tip.position, label: line}}"
+    (place / "scenario.yaml").write_text(
+        f"stop_time: 1 s\nmembers: {{tip: {{component: tip.fmu}}}}\nscenes: [{scene}]\n"
+    )
+    found = Scenes(runs(place)).samples(0, (0.0, 1.0))
+    np.testing.assert_allclose(found.values["tip.position"], 1e-3 * np.stack([time, 5 + time], 1))
+
+
 @pytest.mark.slow
 def test_without_its_components_a_run_is_drawn_by_its_signals(tmp_path):
     scenes, *_ = recorded(tmp_path, "not_here.model:Sleeve")

@@ -11,6 +11,7 @@ import numpy as np
 
 from twin.errors import TwinError
 from twin.live import member_class, scene_data, start_value, targets_and_warnings
+from twin.results import Signals
 from twin.scenario import lint, resolve_variables
 from twin.web import SIZES, build_views
 
@@ -82,8 +83,10 @@ class Scenes:
         count = max(min(instants, MAX_VALUES // size, end + 1 - begin), 1)
         indices = np.unique(np.linspace(begin, end, count).astype(np.int64))
         indices = indices[indices < len(time)]
-        values = {name: np.asarray(run.recording.values(case.key, name)[indices], float) for name in names}
-        return SceneSamples(time[indices], values)
+        values = {name: run.recording.values(case.key, name)[indices] for name in names}
+        units = {name: run.variables[name].unit for name in names}
+        si = Signals(time[indices], values, units).to_si(set(values))
+        return SceneSamples(time[indices], {name: si[name] for name in names})
 
 
 def moving_signals(views: list[dict[str, Any]]) -> Iterator[str]:
