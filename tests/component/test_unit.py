@@ -173,7 +173,22 @@ def test_units_have_sizes_that_can_be_computed_with(size: str, known: bool) -> N
 
 @every_case(
     ("source", "target"),
-    [("rpm", "Hz"), ("Hz", "rpm"), ("Hz", "rad/s"), ("deg/s", "kHz"), ("rpm", "1/s"), ("1/s", "rpm")],
+    [
+        ("rpm", "Hz"),
+        ("Hz", "rpm"),
+        ("Hz", "rad/s"),
+        ("deg/s", "kHz"),
+        ("rpm", "1/s"),
+        ("1/s", "rpm"),
+        ("hertz", "rad/s"),
+        ("kilohertz", "deg/s"),
+        ("turn/s", "1/s"),
+        ("1/s", "revolution/min"),
+        ("cycle/s", "1/min"),
+        ("rpm/s", "Hz/s"),
+        ("Hz/s", "rad/s^2"),
+        ("rpm/s", "1/s^2"),
+    ],
 )
 def test_cycles_are_no_angles(source, target):
     """Radian counts as a number: 60 rpm would be 6.28 Hz."""
@@ -183,7 +198,15 @@ def test_cycles_are_no_angles(source, target):
 
 @every_case(
     ("source", "target", "factor"),
-    [("1/min", "Hz", 1 / 60), ("rpm", "rad/s", math.tau / 60), ("kHz", "1/s", 1e3), ("1/s", "rad/s", 1.0)],
+    [
+        ("1/min", "Hz", 1 / 60),
+        ("rpm", "rad/s", math.tau / 60),
+        ("kHz", "1/s", 1000.0),
+        ("1/s", "rad/s", 1.0),
+        ("turn/s", "rpm", 60.0),
+        ("rpm/s", "rad/s^2", math.tau / 60),
+        ("N*m/rpm", "N*m*s", 30 / math.pi),
+    ],
 )
 def test_cycles_convert_to_cycles_and_angles_to_angles(source, target, factor):
     assert unit.conversion(source, target, "") == (pytest.approx(factor), 0.0)

@@ -212,7 +212,7 @@ def test_delays(build):
         told[name] = [delay // MS for _, delay in run.delays()]
     assert told == {
         "jacobi": [10, 1, 1],
-        "gauss_seidel": [0, 1, 0],
+        "gauss_seidel": [9, 1, 0],
         "iterative": [10, 0, 0],
         "predictive": [10, 1, 1],
     }

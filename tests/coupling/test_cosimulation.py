@@ -49,6 +49,15 @@ def test_gauss_seidel_follows_the_connections_not_the_declaration(build):
     np.testing.assert_allclose(trajectory(chain, 10 * MS, "two.y"), np.arange(11) / 1000)
 
 
+@pytest.mark.parametrize("algorithm", [Algorithm.jacobi, Algorithm.gauss_seidel])
+def test_what_a_slow_member_takes_is_as_old_as_its_delay_says(build, algorithm):
+    coupled = couple(build, {"clock": Clock(), "slow": SlowHold()}, ["clock.y -> slow.u"], algorithm)
+    ((_, delay),) = coupled.delays()
+    slow, period = trajectory(coupled, 40 * MS, "slow.y"), coupled.periods["slow"]
+    published = np.arange(period // MS, 41, period // MS)
+    np.testing.assert_allclose(slow[published], (published - delay // MS) / 1000)
+
+
 @pytest.mark.parametrize("algorithm", Algorithm)
 def test_a_slow_member_publishes_when_due(build, algorithm):
     parts = {"clock": SlowClock(), "slow": SlowHold(), "fast": Hold()}

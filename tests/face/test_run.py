@@ -18,8 +18,10 @@ import pytest
 import twin
 import twin.face
 from tests.face.parts import SCENARIO, Types
+from tests.viewer.recorded import folder_of
 from twin.errors import ScenarioError, TwinError, UnknownNameError
-from twin.face import arrays
+from twin.face import arrays, open_run
+from twin.results import RecordedVariable
 
 
 @pytest.mark.slow
@@ -119,6 +121,20 @@ def test_an_expression_is_read_like_a_signal(run):
         run["part.plce - part.place"]
     with pytest.raises(ScenarioError):
         run["part.place - part.push"]
+
+
+def test_an_expression_of_temperatures_is_in_its_unit(tmp_path):
+    time, temperature = np.arange(3.0), np.array([20.0, -5.0, 40.0])
+    column = RecordedVariable("motor.temperature", unit="degC")
+    recorded = open_run(folder_of(tmp_path / "run", {("PI", 1): (time, {column.name: temperature})}, [column]))
+    for text, expected in {
+        "+motor.temperature": temperature,
+        "max(motor.temperature, 283.15)": [20.0, 10.0, 40.0],
+        "motor.temperature - 283.15": temperature - 10.0,  # a difference
+    }.items():
+        values = recorded[text]
+        assert values.attrs["units"] == "degC"
+        np.testing.assert_allclose(values.values[:, 0, 0], expected, atol=1e-9)
 
 
 def test_all_samples_are_a_table(run):

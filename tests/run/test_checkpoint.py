@@ -148,6 +148,22 @@ def test_a_branch_equals_a_run_with_events(tmp_path, build):
     assert_equal_bits(branch, again)
 
 
+def test_a_variant_with_other_units_is_continued_in_its_own(tmp_path, build):
+    """The recording has the unit of the first variant; the rows of the others go on in theirs."""
+    (tmp_path / "m.csv").write_text("time,u [m],t [K]\n0,0.001,300\n0.1,0.0137,317.3\n")
+    (tmp_path / "mm.csv").write_text("time,u [mm],t [degC]\n0,1,26.85\n0.1,13.7,44.15\n")
+    text = """
+        stop_time: 0.1 s
+        step: 1 ms
+        members: {table: {component: m.csv}}
+        variants: {first: {}, second: {members: {table: {component: mm.csv}}}}
+        record: ["*.*"]
+        metrics: {u: {signal: table.u, reduce: max}}
+    """
+    outcome = run(text, tmp_path, build)
+    assert_equal_bits(outcome, continued(outcome, build, 70 * MS))
+
+
 def test_values_that_a_branch_cannot_set(tmp_path, build):
     outcome = run(SCENARIO.replace("ALGORITHM", "jacobi"), tmp_path, build)
     for override, expected in {

@@ -51,6 +51,11 @@ def tree(text: str) -> Node:
             "{members: {m: {component: a, parameters: {l: 2}}}}",
             {"members": {"m": {"component": "a", "parameters": {"k": 1, "l": 2}}}},
         ),
+        (  # the whole of an array replaces its elements, too
+            "{members: {m: {parameters: {x: 1, 'x[2]': 5, 'xy[1]': 3, 'z[1]': 4}}}}",
+            "{members: {m: {parameters: {x: [1, 2], 'z[2]': 6}}}}",
+            {"members": {"m": {"parameters": {"x": [1, 2], "xy[1]": 3, "z[1]": 4, "z[2]": 6}}}},
+        ),
         (
             "{variants: {A: {a: 1, b: 2}, B: {}}}",
             "{variants: {A: {b: null}, B: null}}",

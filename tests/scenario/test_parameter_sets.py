@@ -36,6 +36,23 @@ def test_parameter_sets_serve_all_members_of_a_component_and_give_way_to_their_o
     assert mass(parse_scenario(SETS, tmp_path / "s.yaml", ["left.mass=3 kg"]), "large", "left") == "3 kg"
 
 
+def test_a_whole_array_replaces_elements_of_sets_and_of_members(tmp_path):
+    (tmp_path / "one.yaml").write_text('sheath: {"play[3]": 1 mm}\n')
+    text = """
+        stop_time: 10 ms
+        members: {sheath: {component: sheath, parameters: PARAMETERS}}
+        variants: {A: {}, B: {members: {sheath: {parameters: {"play[1]": 3 mm}}}}}
+        parameter_sets: [one.yaml]
+    """
+    own = parse_scenario(text.replace("PARAMETERS", "{play: 2 mm}"), tmp_path / "s.yaml")
+    assert own.cases(["A"])[0].members["sheath"].parameters == {"play": "2 mm"}
+    assert own.cases(["B"])[0].members["sheath"].parameters == {"play": "2 mm", "play[1]": "3 mm"}
+    text = text.replace("PARAMETERS", '{"play[2]": 2 mm}')
+    changed = parse_scenario(text, tmp_path / "s.yaml", ["sheath.play=0.5 mm"])
+    for variant in ("A", "B"):
+        assert changed.cases([variant])[0].members["sheath"].parameters == {"play": "0.5 mm"}
+
+
 def test_a_frozen_scenario_needs_no_parameter_file(tmp_path):
     (tmp_path / "small.yaml").write_text("servomotor: {mass: 0.1 kg}\n")
     (tmp_path / "large.yaml").write_text("servomotor: {mass: 5 kg}\n")

@@ -44,7 +44,11 @@ VARIABLES = {
         variable("place", "output", "m", display_unit="mm"),
         variable("area", "output", "m^2"),
     ],
-    "motor": [variable("temperature", "output", "K", display_unit="degC"), variable("free", "output")],
+    "motor": [
+        variable("temperature", "output", "K", display_unit="degC"),
+        variable("free", "output"),
+        variable("rate", "output", "Hz"),
+    ],
 }
 CATALOG = {name: {one.name: one for one in variables} for name, variables in VARIABLES.items()}
 
@@ -135,6 +139,21 @@ def test_what_fits_is_fine() -> None:
 def test_what_does_not_fit_is_told_once(key: str, text: str, expected: str) -> None:
     (line,) = told(**{key: text})
     assert line.startswith(expected), line
+
+
+def test_cycles_are_not_judged_as_angles() -> None:
+    """1.5 Hz are 90 rpm, and not 1.5 rad/s, which are 14.3 rpm."""
+    for key, text, where in (
+        ("metric", "signal: motor.rate, reduce: max, unit: rpm", "s.yaml:5: metrics.high"),
+        ("limit", "signal: motor.rate, at_most: 60 rpm", "s.yaml:8: expect"),
+        ("limit", "signal: abs(motor.rate), at_most: 60 deg/s", "s.yaml:8: expect"),
+        ("plot", "signals: [motor.rate]\n    unit: rad/s", "s.yaml:12: plot `Pressure`"),
+    ):
+        (line,) = told(**{key: text})
+        assert line.startswith(f"{where}: `"), line
+        assert "is in Hz, which does not convert to" in line
+    assert not told(limit="signal: motor.rate, at_most: 90 1/min")
+    assert not told(limit="signal: 6.2832 * motor.rate, at_most: 90 rpm")  # the factor makes it an angle
 
 
 def test_a_unit_that_fits_in_one_variant_only() -> None:

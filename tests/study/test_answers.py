@@ -17,9 +17,9 @@ from twin.cli.check import check_file
 from twin.results import Expectation
 from twin.study import Answers, headline, load_study, percent
 from twin.study.answers import plots, sensitivity, tables
-from twin.study.answers.headline import lowest_pass_rate
 from twin.study.answers.page import linked
 from twin.study.answers.paired import mean_interval
+from twin.study.answers.sentences import lowest_pass_rate
 from twin.study.answers.statistics import above, in_order, quantile, wilson
 from twin.study.execution.case_engine import Row
 from twin.study.execution.case_table import CaseTable

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -121,6 +122,21 @@ def test_of_many_cases_some_lines_and_all_failures_are_shown(study, drawn, monke
     )  # every third of six: 1 and 4; failures 3 and 6
     colors = [color(line) for line in axis.lines if len(line.get_ydata()) == 4]
     assert colors == [plots.tint(plots.GOOD, 0.8)] * 2 + [plots.BAD] * 2
+
+
+def test_a_difference_of_temperatures_has_no_offset(study, tmp_path, drawn):
+    """A standard deviation of 0.02 K is 0.02 degC, not -273.13 degC."""
+    metrics = study.scenario.metrics
+    metrics["force_max"] = replace(metrics["force_max"], reduce="std", unit="degC")
+    cases = cases_of(study)
+    (axis,) = plots.scatter(cases, "force_max", "plain", 1, "degC")
+    assert np.allclose(axis.collections[0].get_offsets()[:, 1], [0.02, 0.04, 0.06, 0.08])
+    (axis,) = plots.parallel(cases, "force_max", "plain", "degC")
+    assert [one.get_text() for one in axis.texts][-2:] == ["0.02", "0.1"]
+    (axis,) = plots.histograms(cases, "force_max", "degC")
+    assert axis.containers[0][0].get_x() == pytest.approx(0.02)
+    (axis,) = plots.tuning_history(Tuned([Trial((1.0,), 0.5, (), "sample", 0)], None, [], 9), "degC", "std", True)
+    assert axis.lines[0].get_ydata() == pytest.approx([0.5])
 
 
 @pytest.mark.slow

@@ -11,8 +11,8 @@ from tests.study.patients import STUDY, study_file
 from twin.study import Answers, load_study
 from twin.study.answers import clusters, sensitivity, statistics, tables
 from twin.study.answers.clusters import DiscriminatingFactor, discriminating_factors
-from twin.study.answers.headline import largest_p_value
 from twin.study.answers.sensitivity import Effect, MetricSensitivity, by_size, driven, ranked
+from twin.study.answers.sentences import largest_p_value
 from twin.study.answers.statistics import PassRate, Quantile, quantile, wilson
 from twin.study.design import Distribution
 from twin.study.design.distribution import KINDS, wrong_numbers

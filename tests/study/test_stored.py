@@ -18,7 +18,7 @@ from twin.study import latest, load_study, resolve_case, stored_case_folder, sto
 from twin.study.design import Distribution, Factor
 from twin.study.execution import case_table, manifest, study_archive
 from twin.study.execution.case_engine import Job, Row
-from twin.study.execution.repeat import Single, factors_of
+from twin.study.execution.stored_case import Single, factors_of
 
 
 def test_a_single_row_of_the_table(tmp_path):

@@ -148,7 +148,7 @@ def kept(tmp_path, monkeypatch, ends, **fields):
         return SimpleNamespace(run=SimpleNamespace(status=ends[number]), folder=run)
 
     monkeypatch.setattr("twin.study.answers.noteworthy", lambda _cases, _keep: [1, 2, 3, 4])
-    monkeypatch.setattr(importlib.import_module("twin.study.execution.repeat"), "repeat", repeat)
+    monkeypatch.setattr(importlib.import_module("twin.study.execution.stored_case"), "repeat", repeat)
     keep_runs(outcome, tmp_path, SimpleNamespace(number=fields.get("stop", 0)))
     return seen, outcome
 

@@ -107,6 +107,11 @@ def test_a_spectrum_in_a_file_is_the_server_s(browser, tmp_path, monkeypatch):
     assert page.page.locator("#message").inner_text() == (
         "sensor.force: the page has the extremes of its samples alone. Look at its spectrum with twin view."
     )
+    (tmp_path / "thin.html").write_text(embedded_page(opened, ["sensor.force"], [0]).text)
+    page = Page(context, (tmp_path / "thin.html").as_uri())  # extremes have no mean, and no standard deviation
+    low, high = np.nanmin(wave), np.nanmax(wave)
+    shown = [cell.replace("\u2013", "") for cell in table(page, ["mean", "RMS", "slope"])[-1][1:]]
+    assert shown == ["", "", "", *(f"{value:.2f}" for value in (low, high, high - low)), "", ""]
     context.close()
 
 

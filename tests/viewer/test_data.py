@@ -194,7 +194,7 @@ def test_spectra_need_sixteen_samples(tmp_path):
     line = KINDS["spectrum"](few, ViewedCurve("sensor.force", 0), ALL, 100)
     assert (line.x.tolist(), line.count) == ((np.arange(1, 9) / 16).tolist(), 16)
     assert line.x[np.argmax(line.y)] == 0.25
-    with pytest.raises(TwinError, match="15 samples in the window"):
+    with pytest.raises(TwinError, match="14 samples in the window"):
         KINDS["spectrum"](few, ViewedCurve("sensor.force", 0), (0.0, 13.5), 100)
 
 

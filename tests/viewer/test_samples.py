@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 from pyarrow import parquet
+from scipy.signal import welch
 
 from tests.viewer.recorded import COUNT, FORCE, PLACE, SHAPE, TOUCH, folder_of, runs, wave
 from twin.errors import TwinError
+from twin.results import RecordedVariable
 from twin.viewer.curve_data import KINDS, statistics, values_at
 from twin.viewer.requests import lines
 from twin.viewer.runs import ViewedCurve
@@ -150,7 +152,7 @@ def test_a_spectrum_holds_the_power(opened, window):
     assert (line.unit, line.x_unit) == ("N²/Hz", "Hz")
     assert np.trapezoid(line.y, line.x) == pytest.approx(2.0, rel=0.05)
     assert line.x[np.argmax(line.y)] == pytest.approx(3.0, abs=1.3)
-    with pytest.raises(TwinError, match=r"5 samples in the window; a spectrum needs 16\. Show more time\."):
+    with pytest.raises(TwinError, match=r"3 samples in the window; a spectrum needs 16\. Show more time\."):
         KINDS["spectrum"](opened, ViewedCurve("sensor.force", 0), (0.001, 0.0035), 4000)
 
 
@@ -158,6 +160,49 @@ def test_one_quantity_over_another(opened):
     line = KINDS["xy"](opened, ViewedCurve("sensor.force", 0, x="tip.position"), (0.0, 0.3), 4000)
     assert (line.x_unit, line.unit) == ("mm", "N")
     np.testing.assert_allclose(line.x, line.y, atol=1e-12)
+
+
+def test_a_difference_is_drawn_over_a_quantity_of_its_own_case(tmp_path):
+    time, force = wave(1000.0, 1.0)
+    cases = {("PI", k): (time, {"sensor.force": k * force, "tip.position": k * time}) for k in (1, 3)}
+    opened = runs(folder_of(tmp_path / "run", cases, [FORCE, PLACE]))
+    line = KINDS["xy"](opened, ViewedCurve("sensor.force", 1, minus=0, x="tip.position"), ALL, 4000)
+    np.testing.assert_allclose(line.x, 3e3 * time)
+    np.testing.assert_allclose(line.y, 2 * force)
+
+
+def test_a_spectrum_is_of_the_samples_in_the_window(tmp_path):
+    time = np.concatenate([np.arange(500) / 1000.0, [5.0]])  # then a gap
+    force = np.random.default_rng(1).standard_normal(501)
+    opened = runs(folder_of(tmp_path / "run", {("PI", 1): (time, {"sensor.force": force})}, [FORCE]))
+    line = KINDS["spectrum"](opened, ViewedCurve("sensor.force", 0), (0.1, 0.6), 4000)
+    frequency, density = welch(force[100:500], 1000.0, nperseg=266)
+    assert line.count == 400
+    np.testing.assert_allclose(line.x, frequency[1:])
+    np.testing.assert_allclose(line.y, density[1:])
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_name_with_a_blank_is_the_same_signal(tmp_path, order):
+    time = np.arange(100) / 100.0
+    temperature = RecordedVariable("motor.temperature", unit="degC")
+    opened = runs(folder_of(tmp_path / "run", {("PI", 1): (time, {temperature.name: 20 + time})}, [temperature]))
+    for name in [" motor.temperature", "motor.temperature"][::order]:
+        np.testing.assert_allclose(over_time(opened, ViewedCurve(name, 0)).y, 20 + time)
+
+
+def test_statistics_of_a_difference_follow_the_recording_that_grows(tmp_path):
+    """What is subtracted goes on: the moments of its blocks are no longer those of the difference."""
+    time, force = wave(1000.0, 9.0)
+    folders = [
+        folder_of(tmp_path / name, {("PI", 1): (time, {"sensor.force": own})}, [FORCE])
+        for name, own in (("first", force), ("second", 0 * force), ("later", 0 * force + 1.0))
+    ]
+    opened, curve = runs(*folders[:2]), ViewedCurve("sensor.force", 0, minus=1)
+    assert statistics(opened, curve, ALL)["mean"] == pytest.approx(force.mean())
+    opened.cache.forget(opened.runs[1].recording.path)
+    opened.runs[1].recording.file = runs(folders[2]).runs[0].recording.file
+    assert statistics(opened, curve, ALL)["mean"] == pytest.approx(force.mean() - 1.0)
 
 
 @pytest.mark.slow

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from tests.scenario.texts import variable
 from tests.viewer.recorded import folder_of, runs
 from twin.results.recording.run_folder import RecordedVariable
-from twin.viewer.scene_data import Scenes
+from twin.viewer.scene_data import Scenes, limits_in_si
 
 NAMES = ("axis.position", "axis.velocity", "axis.current", "axis.limited", "grip.diameter", "grip.gripping")
 SCENARIO = "title: rig\nstop_time: 1 s\nstep: 1 ms\nmembers:\n  axis: {component: servomotor}\n  grip: {component: COMPONENT, parameters: {relaxed_diameter: 9 mm}}\n"
@@ -30,6 +31,28 @@ def test_a_rig_is_drawn_with_its_sizes_and_moved_by_its_samples(tmp_path):
     assert found.values.keys() == set(NAMES)
     np.testing.assert_array_equal(found.values["axis.position"], values["axis.position"][inside])
     assert len(scenes.samples(0, (0.0, 1.0), 100).time) == 100
+
+
+def test_signals_in_other_units_move_a_scene_in_si(tmp_path):
+    """A point at 5 mm is at 5 mm, not at 5 m."""
+    time = np.arange(11) / 10.0
+    columns = [RecordedVariable("tip.position", unit="mm", shape=(2,))]
+    place = folder_of(tmp_path / "run", {("base", 0): (time, {"tip.position": np.stack([time, 5 + time], 1)})}, columns)
+    scene = "{title: Tip, points: [{signal: tip.position, label: tip}], lines: {signal: tip.position, label: line}}"
+    (place / "scenario.yaml").write_text(
+        f"stop_time: 1 s\nmembers: {{tip: {{component: tip.fmu}}}}\nscenes: [{scene}]\n"
+    )
+    found = Scenes(runs(place)).samples(0, (0.0, 1.0))
+    np.testing.assert_allclose(found.values["tip.position"], 1e-3 * np.stack([time, 5 + time], 1))
+
+
+def test_targets_and_warnings_are_in_the_unit_of_the_values():
+    variables = {"tip": {"x": variable("x", "output", "mm"), "t": variable("t", "output", "degC")}}
+    targets = {"signal": "tip.x", "tolerance": 2.0, "points": {"there": [5.0]}}
+    found, (warning,) = limits_in_si(targets, [{"signal": "tip.t", "above": 40.0, "text": "hot"}], variables)
+    assert found == {"signal": "tip.x", "tolerance": 0.002, "points": {"there": [0.005]}}
+    assert warning == {"signal": "tip.t", "above": 313.15, "text": "hot"}
+    assert limits_in_si({}, [], variables) == ({}, ())
 
 
 @pytest.mark.slow

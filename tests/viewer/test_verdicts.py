@@ -6,7 +6,7 @@ import shutil
 import numpy as np
 import pytest
 
-from tests.viewer.recorded import beats, runs
+from tests.viewer.recorded import FORCE, PLACE, beats, folder_of, runs
 from twin.errors import TwinError
 from twin.results import EventLine, consecutive_spans
 from twin.viewer import select_cases, select_signals
@@ -54,6 +54,33 @@ def test_events_have_names_and_a_joystick_is_one(opened):
     assert [(one["time"], one["name"]) for one in merge_repeated(stick)] == [
         (0.0, "command.speed, 40 times until 1.17 s"),
         (5.0, "command.speed = 0"),
+    ]
+
+
+def test_expectations_of_one_name_are_shaded_each_in_its_own_window(tmp_path):
+    time = np.arange(11) / 10.0
+    place = folder_of(tmp_path / "run", {("base", 0): (time, {FORCE.name: time})}, [FORCE])
+    limits = "[{signal: sensor.force, at_most: 0.45}, {signal: sensor.force, at_most: 0.45, from: 0.8 s}]"
+    (place / "scenario.yaml").write_text(f"stop_time: 1 s\nmembers: {{}}\nexpect: {limits}\n")
+    summary = json.loads((place / "summary.json").read_text())
+    summary["expectations"] = 2 * [{"name": "sensor.force at most 0.45", "verdict": "fail", "detail": ""}]
+    (place / "summary.json").write_text(json.dumps(summary))
+    whole, late = Verdicts(runs(place).runs[0]).expectations()
+    assert (whole.begin, whole.spans) == (None, {("base", 0): [(0.5, 1.0)]})
+    assert (late.begin, late.spans) == (0.8, {("base", 0): [(0.8, 1.0)]})
+
+
+def test_curves_over_different_signals_are_in_panes_of_their_own(tmp_path):
+    """A pane has one horizontal axis: the force over the first curve's signal is not the force over its own."""
+    time = np.arange(10) / 10.0
+    place = folder_of(tmp_path / "run", {("base", 0): (time, {FORCE.name: time, PLACE.name: time})}, [FORCE, PLACE])
+    curves = "[{signal: sensor.force, x: tip.position}, {signal: tip.position, x: sensor.force}, {signal: abs(tip.position), x: sensor.force}]"
+    text = f"stop_time: 1 s\nmembers: {{}}\nplots: [{{title: Loops, signals: {curves}}}]\n"
+    (place / "scenario.yaml").write_text(text)
+    plots = Verdicts(runs(place).runs[0]).plots()
+    assert [(plot["title"], plot["signals"], plot["x"]) for plot in plots] == [
+        ("Loops, over tip.position", ["sensor.force"], "tip.position"),
+        ("Loops, over sensor.force", ["tip.position", "abs(tip.position)"], "sensor.force"),
     ]
 
 

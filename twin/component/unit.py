@@ -18,8 +18,7 @@ from twin.errors import CouplingError
 from twin.files import split_unit
 
 BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")  # the order in which FMI lists exponents
-PER_TIME = (0, 0, -1, 0, 0, 0, 0)  # exponents without radian
-CYCLES = re.compile(r"Hz|rpm")
+CYCLES = re.compile(r"Hz|hertz|rpm|rps|per_minute|per_second|turn|revolution|cycle|circle")
 NAMES = {"kilogram": 0, "meter": 1, "second": 2, "ampere": 3, "kelvin": 4, "mole": 5, "candela": 6, "radian": 7}
 
 SMALLEST = 1e-99  # and 1e99 the largest size of a unit that can be computed with
@@ -232,13 +231,11 @@ def same_kind(first: Unit, second: Unit) -> bool:
     return first.exponents[:-1] == second.exponents[:-1]
 
 
-def cycles_or_angles(source: str, target: str, first: Unit, second: Unit) -> str:
+def cycles_or_angles(source: str, target: str) -> str:
     """Why cycles and angles per time do not convert: 60 rpm are 6.28 rad/s, which radian as a number would make 6.28 Hz; else ""."""
-    if (
-        first.exponents == second.exponents
-        or first.exponents[:-1] != PER_TIME
-        or not CYCLES.search(f"{source} {target}")
-    ):
+    first, second = describe(source), describe(target)
+    is_rate = first.exponents[2] < 0 and not any((*first.exponents[:2], *first.exponents[3:-1]))
+    if first.exponents == second.exponents or not is_rate or not CYCLES.search(f"{source} {target}"):
         return ""
     return f"{source} does not convert to {target}: one counts cycles, the other an angle. 60 rpm are 1 Hz, 60 /min or 6.28 rad/s."
 
@@ -253,6 +250,6 @@ def conversion(source: str, target: str, what: str) -> tuple[float, float]:
         raise CouplingError(f"{what}: {error}".removeprefix(": ")) from None
     if not same_kind(a, b):
         raise CouplingError(f"{what}: {source} does not convert to {target}. Connect quantities of one kind.")
-    if turns := cycles_or_angles(source, target, a, b):
+    if turns := cycles_or_angles(source, target):
         raise CouplingError(f"{what}: {turns}".removeprefix(": "))
     return round_trip(a.factor / b.factor), (a.offset - b.offset) / b.factor

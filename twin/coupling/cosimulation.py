@@ -130,12 +130,12 @@ class CoSimulation(StepFailures):
         inside = model_exchange_groups.between(self.members, self.links)
         delays = []
         for link in self.links:
-            ends = link.source.member, link.target.member
-            fresh = stage_index[ends[0]] < stage_index[ends[1]] and self.periods[ends[0]] == self.step
+            source, target = link.source.member, link.target.member
+            fresh = stage_index[source] < stage_index[target] and self.periods[source] == self.step
             if not self.algorithm.is_plain:
-                fresh = (fresh or self.algorithm.iterations > 0) and not any(name in self._slow for name in ends)
-            at_event = self.members[link.target.member].clocked and link.target.variable.variability != "continuous"
-            delays.append((link, 0 if fresh or link in inside or at_event else self.periods[link.target.member]))
+                fresh = (fresh or self.algorithm.iterations > 0) and not {source, target} & set(self._slow)
+            at_event = self.members[target].clocked and link.target.variable.variability != "continuous"
+            delays.append((link, 0 if link in inside or at_event else self.periods[target] - fresh * self.step))
         return [*delays, *((wire, 0) for wire in self._wires)]
 
     def initialize(self, start: clock.Time, stop: clock.Time | None = None, *, first_row: bool = True) -> None:

@@ -199,11 +199,11 @@ class Run:
         """Return the values of an expression, in the unit that follows from those of its signals."""
         parsed = self._parsed(text, list(self))
         symbol = self._measure(parsed).unit
-        factor, _ = si_conversion(symbol, is_difference=True)
+        factor, offset = si_conversion(symbol, dimension.is_difference(parsed))
         cases = {}
         for case, signals in read_variables(self._signals, [self._recorded[name] for name in names_of(parsed)]).items():
             if (result := signals.evaluate(parsed)) is not None:
-                cases[case] = Signals(result[0], {text: result[1] / factor})
+                cases[case] = Signals(result[0], {text: (result[1] - offset) / factor})
         return arrays.array(RecordedVariable(text, unit=symbol), cases)
 
     def _parsed(self, text: str, candidates: Sequence[str]) -> Expression:

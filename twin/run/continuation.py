@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
+from twin.component import unit
 from twin.errors import TwinError
-from twin.results import RecordedVariable, rows
+from twin.results import RecordedVariable, list_recorded_variables, rows
 from twin.run.cases import RunResult
 from twin.run.checkpoint import Checkpoint, list_checkpoints, scenario_hash, versions
 from twin.run.executor import NO_CALLBACKS, run_scenario
@@ -142,6 +143,19 @@ def recorded_rows(folder: Path) -> dict[tuple[str, int], int]:
     return counts
 
 
+def before_conversion(values: Any, factor: float, offset: float) -> Any:
+    """Return values that the recording of a run converts to the given ones, to the bit where there are such numbers.
+
+    Variants may have a variable in different units; the recording has it in one.
+    """
+    if (factor, offset) == (1.0, 0.0):
+        return values
+    result = nearest = (values - offset) / factor
+    for neighbor in (np.nextafter(nearest, np.inf), np.nextafter(nearest, -np.inf)):
+        result = np.where(result * factor + offset == values, result, neighbor)
+    return np.where(result * factor + offset == values, result, nearest)
+
+
 def copy_rows(checkpoint: Checkpoint, case: Case, layout: Mapping[str, Any], file: Path) -> None:
     """Write the rows up to a checkpoint from the signals of its run to the file of a case's rows, as the loop records them."""
     folder = checkpoint.path.parent.parent
@@ -153,6 +167,13 @@ def copy_rows(checkpoint: Checkpoint, case: Case, layout: Mapping[str, Any], fil
         for name, field in fields.items()
         for i, label in enumerate(RecordedVariable(name, shape=field.shape).columns)
     }
+    own_units = {name: symbol for name, *_, symbol, _ in layout["columns"]}
+    conversions = {
+        label: unit.conversion(own_units[name], variable.unit, label)
+        for name, variable in list_recorded_variables(folder / SIGNALS).items()
+        if name in own_units
+        for label in variable.columns
+    }
     with file.open("wb") as output:
         for group_case, group_count, read in row_groups(folder):
             if group_case != checkpoint.case or not remaining:
@@ -162,7 +183,7 @@ def copy_rows(checkpoint: Checkpoint, case: Case, layout: Mapping[str, Any], fil
             words[:, 0] = np.arange(done, done + count) * every
             table = read(list(columns))
             for label, (field, i) in columns.items():
-                values = table[label].slice(0, count).to_numpy()
+                values = before_conversion(table[label].slice(0, count).to_numpy(), *conversions[label])
                 dtype = np.int64 if field.kind == "b" else field.dtype
                 words[:, field.first + i] = values.astype(dtype, copy=False).view(np.int64)
             output.write(words.tobytes())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -37,8 +37,14 @@ class CurvePoints:
 
 def inside(time: Array, window: tuple[float, float]) -> slice:
     """Return the samples in a window, with one more on both sides so that a line reaches the edge."""
-    begin, end = np.searchsorted(time, window[0], side="left"), np.searchsorted(time, window[1], side="right")
-    return slice(max(int(begin) - 1, 0), min(int(end) + 1, len(time)))
+    part = within(time, window)
+    return slice(max(part.start - 1, 0), min(part.stop + 1, len(time)))
+
+
+def within(time: Array, window: tuple[float, float]) -> slice:
+    """Return the samples in a window, its edges included."""
+    begin, end = (int(np.searchsorted(time, edge, side)) for edge, side in zip(window, SIDES, strict=True))
+    return slice(begin, end)
 
 
 def over_time(runs: RunCollection, curve: ViewedCurve, window: tuple[float, float], points: int) -> CurvePoints:
@@ -77,7 +83,7 @@ def extreme_indices(y: Array, points: int) -> Array:
 
 def over_another(runs: RunCollection, curve: ViewedCurve, window: tuple[float, float], points: int) -> CurvePoints:
     """Return a quantity over another of the same case; of more than `points` samples, the extremes of both in each part."""
-    y, x = runs.samples(curve), runs.samples(curve, curve.x)
+    y, x = runs.samples(curve), runs.samples(replace(curve, minus=None), curve.x)  # of a difference, x of its own case
     part = inside(y.time, window)
     time, value = y.time[part], y.shown(y.y[part])
     across = x.shown(x.y[part]) if np.array_equal(x.time, y.time) else interpolate(time, x)
@@ -95,8 +101,7 @@ def spectrum(runs: RunCollection, curve: ViewedCurve, window: tuple[float, float
     from scipy import signal
 
     samples = runs.samples(curve)
-    part = inside(samples.time, window)
-    time, y = resample(samples, part)
+    time, y = resample(samples, within(samples.time, window))
     if len(y) < MIN_SAMPLES:
         raise TwinError(
             f"{curve.signal}: {len(y)} samples in the window; a spectrum needs {MIN_SAMPLES}. Show more time."
@@ -136,11 +141,13 @@ def statistics(runs: RunCollection, curve: ViewedCurve, window: tuple[float, flo
     that any window of ten million samples takes milliseconds.
     """
     samples = runs.samples(curve)
-    begin, end = (int(np.searchsorted(samples.time, edge, side)) for edge, side in zip(window, SIDES, strict=True))
+    part = within(samples.time, window)
+    begin, end = part.start, part.stop
     if begin >= end:
         return {"count": 0}
-    path = runs.run_of(runs.cases[curve.case]).recording.path
-    blocks = runs.cache.get((path, curve, "moments"), lambda: (moments(samples.shown(samples.y)),))[0]
+    numbers = (curve.case, *curve.seeds, *(() if curve.minus is None else (curve.minus,)))
+    paths = (runs.run_of(runs.cases[number]).recording.path for number in numbers)  # each may be growing
+    blocks = runs.cache.get((*paths, curve, "moments"), lambda: (moments(samples.shown(samples.y)),))[0]
     first, last = -(-begin // BLOCK), end // BLOCK
     if first < last:
         edges = [samples.y[begin : first * BLOCK], samples.y[last * BLOCK : end]]

@@ -143,7 +143,7 @@ class OpenRun:
             assert result is not None
             return (np.asarray(result[1]),)
 
-        (value,) = self.recording.cache.get((self.recording.path, case, parsed.text), make)
+        (value,) = self.recording.cache.get((self.recording.path, case, parsed.text, "SI"), make)
         shown = self.unit(parsed)
         factor, offset = si_conversion(shown, dimension.is_difference(parsed))
         samples = CurveSamples(time, value, units.shown(shown), 1 / factor, -offset / factor)

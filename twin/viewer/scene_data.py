@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin.coupling import find
 from twin.errors import TwinError
 from twin.live import member_class, scene_data, start_value, targets_and_warnings
+from twin.results import Signals, si_conversion
 from twin.scenario import lint, resolve_variables
 from twin.web import SIZES, build_views
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     from twin.scenario import ScenarioSpec
@@ -82,8 +84,10 @@ class Scenes:
         count = max(min(instants, MAX_VALUES // size, end + 1 - begin), 1)
         indices = np.unique(np.linspace(begin, end, count).astype(np.int64))
         indices = indices[indices < len(time)]
-        values = {name: np.asarray(run.recording.values(case.key, name)[indices], float) for name in names}
-        return SceneSamples(time[indices], values)
+        values = {name: run.recording.values(case.key, name)[indices] for name in names}
+        units = {name: run.variables[name].unit for name in names}
+        si = Signals(time[indices], values, units).to_si(set(values))
+        return SceneSamples(time[indices], {name: si[name] for name in names})
 
 
 def moving_signals(views: list[dict[str, Any]]) -> Iterator[str]:
@@ -128,7 +132,24 @@ def describe_system(
     }
     members = {name: member_class(spec) for name, spec in case.members.items()}
     targets, warnings = targets_and_warnings(scenario, variables)
-    return RecordedSystem(members, {**recorded, **sizes}, scenes, targets, warnings)
+    return RecordedSystem(members, {**recorded, **sizes}, scenes, *limits_in_si(targets, warnings, variables))
+
+
+def limits_in_si(
+    targets: Mapping[str, Any], warnings: Sequence[Mapping[str, Any]], variables: Mapping[str, Any]
+) -> tuple[dict[str, Any], tuple[dict[str, Any], ...]]:
+    """Convert targets and warnings from the units of their signals to SI, like the values that they are compared with."""
+
+    def scale(signal: str) -> tuple[float, float]:
+        return si_conversion(find(signal, variables).variable.unit)
+
+    if targets:
+        factor, offset = scale(targets["signal"])
+        points = {name: [factor * x + offset for x in point] for name, point in targets["points"].items()}
+        targets = {**targets, "points": points, "tolerance": factor * targets["tolerance"]}
+    scaled = [(warning, scale(warning["signal"])) for warning in warnings]
+    limits = tuple({**warning, "above": factor * warning["above"] + offset} for warning, (factor, offset) in scaled)
+    return dict(targets), limits
 
 
 __all__ = ["SceneSamples", "Scenes"]

@@ -61,6 +61,7 @@ class EmbeddedSource {
     if (spec.seeds?.length) return this.acrossSeeds(spec);
     const own = await this.samples(spec.signal, spec.case);
     if (spec.minus === null || spec.minus === undefined) return own;
+    await this.requireSamples(spec, "difference");
     const less = await this.samples(spec.signal, spec.minus), x = [], y = [];
     own.x.forEach((time, k) => {
       const value = valueAt(less, time - spec.shift);
@@ -89,10 +90,10 @@ class EmbeddedSource {
     return Promise.all(specs.map(async (spec) => {
       try {
         const { x, y, head } = await this.whole(spec);
-        const begin = Math.max(before(x, spec.window[0]), 0), end = Math.min(before(x, spec.window[1]) + 2, x.length);
         if (spec.kind === "time") return { ...visible({ x, y }, ...spec.window, points), head };
-        if (spec.kind === "spectrum") return await this.spectrum(spec, { x: x.slice(begin, end), y: y.slice(begin, end), head }, points);
-        const across = await this.whole({ ...spec, signal: spec.x });
+        if (spec.kind === "spectrum") return await this.spectrum(spec, { x, y, head }, points);
+        const begin = Math.max(before(x, spec.window[0]), 0), end = Math.min(before(x, spec.window[1]) + 2, x.length);
+        const across = await this.whole({ ...spec, signal: spec.x, minus: null }); // of a difference, x of its own case
         const times = x.slice(begin, end), of = (one) => Float64Array.from(times, (time) => valueAt(one, time) ?? NaN);
         const sides = [of(across), of({ x, y, head })]; // of many samples the extremes of both, as the server
         const shown = times.length <= points ? null : [...new Set(sides.flatMap((side) => [...extremes(Float64Array.from(side.keys()), side, 0, side.length, points / 2).x]))].sort((a, b) => a - b);
@@ -105,12 +106,20 @@ class EmbeddedSource {
   }
 
   async spectrum(spec, { x, y, head }, points) {
-    for (const number of [spec.case, spec.minus ?? spec.case]) {
-      const own = await this.samples(spec.signal, number);
-      if (own.head.count > own.x.length) throw new Error(`${spec.signal}: the page has the extremes of its samples alone. Look at its spectrum with twin view.`);
-    }
-    const whole = spectrumOf(x, y, spec.signal);
+    await this.requireSamples(spec, "spectrum");
+    const [from, to] = spec.window, begin = x.findIndex((time) => time >= from), end = before(x, to) + 1; // no sample outside the window
+    const whole = spectrumOf(...[x, y].map((all) => all.slice(begin < 0 ? end : begin, end)), spec.signal);
     return { ...extremes(whole.x, whole.y, 0, whole.x.length, points), head: { ...head, unit: squared(head.unit), x_unit: "Hz" } };
+  }
+
+  // whether the page has the extremes of a curve's samples alone
+  async isThinned(spec) {
+    const all = await Promise.all([spec.case, spec.minus ?? spec.case, ...(spec.seeds ?? [])].map((number) => this.samples(spec.signal, number)));
+    return all.some((own) => own.head.count > own.x.length);
+  }
+
+  async requireSamples(spec, what) {
+    if (await this.isThinned(spec)) throw new Error(`${spec.signal}: the page has the extremes of its samples alone. Look at its ${what} with twin view.`);
   }
 
   async values(specs, times) {
@@ -123,7 +132,8 @@ class EmbeddedSource {
     return Promise.all(specs.map(async (spec) => {
       try {
         const { x, y, head } = await this.whole(spec), [from, to] = spec.window;
-        return { ...summaryOf(x, y, from, to), unit: head.unit };
+        const found = summaryOf(x, y, from, to), thinned = await this.isThinned(spec);
+        return { ...found, unit: head.unit, thinned, ...(thinned ? { mean: null, std: null, rms: null, slope: null, rate: null } : {}) };
       } catch { return { count: 0 }; }
     }));
   }

@@ -62,11 +62,11 @@ function paneRows(entries, cursors, row) {
   const unit = entries.find((each) => each.unit)?.unit ?? entries[0].line.pane.unit, step = resolution(entries), [from, to] = summarized();
   const columns = [...[...cursors, ...STATISTICS.map(([name]) => name)].map((name) => [name, step]), ["slope", (10 * step) / (to - from)], ["rate", 0]];
   const texts = columns.map(([name, own]) => columnTexts(entries.map((each) => each[name]), own));
-  entries.forEach(({ line, count }, k) => {
+  entries.forEach(({ line, count, thinned }, k) => {
     if (line.pane !== entries[k - 1]?.line.pane) row([`${line.pane.title}${unit ? ` [${unit}]` : ""}`], "th").firstChild.colSpan = 4;
     const made = row(["", ...texts.map((column) => column[k])]);
     made.firstChild.append(swatch(line), line.label.replace(/, \d+ seeds/, ""));
-    made.title = `${line.label}: ${line.about}; ${(count ?? 0).toLocaleString("en-US")} samples`;
+    made.title = `${line.label}: ${line.about}; ${(count ?? 0).toLocaleString("en-US")} ${thinned ? "extremes of its samples: mean, std and RMS with twin view" : "samples"}`;
   });
 }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from twin import clock
@@ -78,9 +78,9 @@ class Verdicts:
         bad = [
             expectation for expectation, outcome in zip(wanted, outcomes, strict=True) if outcome["verdict"] == "fail"
         ]
-        failures = {failure.name: failure for failure in self._failures(bad)}
+        failures = iter(self._failures(bad))  # names need not be unique
         return [
-            self._judged(expectation, outcome, failures.get(outcome["name"]) if outcome["verdict"] == "fail" else None)
+            self._judged(expectation, outcome, next(failures) if outcome["verdict"] == "fail" else None)
             for expectation, outcome in zip(wanted, outcomes, strict=True)
         ]
 
@@ -155,21 +155,24 @@ class Verdicts:
         factor, offset = si_conversion(self.viewed.unit(signal), dimension.is_difference(signal))
         return (value - offset) / factor
 
-    def _failures(self, bad: list[Expectation]) -> list[Violation]:
-        """Locate failed expectations; reads signals only if there are any."""
+    def _failures(self, bad: list[Expectation]) -> list[Violation | None]:
+        """Locate each failed expectation, None if that is not possible; reads signals only if there are any."""
         if not bad or self.scenario is None:
             return []
-        metrics = {
-            expectation.metric: self.scenario.metrics[expectation.metric]
+        metrics = [
+            {name: metric for name, metric in self.scenario.metrics.items() if name == expectation.metric}
             for expectation in bad
-            if expectation.metric in self.scenario.metrics
-        }
+        ]
         wanted = [
             *(expectation.signal for expectation in bad if expectation.signal),
-            *(metric.signal for metric in metrics.values()),
+            *(metric.signal for own in metrics for metric in own.values()),
         ]
         tables = self._tables(wanted)
-        return find_violations(bad, evaluate(metrics, bad, tables), tables)
+        found = (
+            find_violations([expectation], evaluate(own, [expectation], tables), tables)
+            for expectation, own in zip(bad, metrics, strict=True)
+        )
+        return [next(iter(violations), None) for violations in found]
 
     def _tables(self, wanted: Iterable[Expression]) -> dict[Key, Signals]:
         recording, variables = self.viewed.recording, self.viewed.variables
@@ -221,7 +224,7 @@ class Verdicts:
         if following.is_followed(self.viewed):
             return following.plots(self.viewed)
         plots = self.scenario.plots if self.scenario else ()
-        return [data for plot in plots if (data := self._plot(plot))]
+        return [data for plot in plots for part in over_one_signal(plot) if (data := self._plot(part))]
 
     def _plot(self, plot: Plot) -> dict[str, Any] | None:
         curves = [curve for curve in plot.curves if self._has(curve.signal) and (curve.x is None or self._has(curve.x))]
@@ -250,6 +253,21 @@ class Verdicts:
             "first": False,
             "range": None,
         }
+
+
+def over_one_signal(plot: Plot) -> list[Plot]:
+    """Split a plot whose curves have different horizontal axes: a pane of the viewer has one."""
+    across = list(dict.fromkeys(curve.x for curve in plot.curves))
+    if len(across) < 2:
+        return [plot]
+    return [
+        replace(
+            plot,
+            title=f"{plot.title}, over {x.text if x else 'time'}",
+            curves=tuple(curve for curve in plot.curves if curve.x == x),
+        )
+        for x in across
+    ]
 
 
 def metric_result(metric: Metric, variant: str, figures: Mapping[str, Any]) -> MetricResult:

@@ -72,6 +72,12 @@ class Measure:
             return True
         return None in (self.exponents, other.exponents) or self.exponents == other.exponents
 
+    def converts_to(self, symbol: str, is_scaled: bool) -> bool:
+        """Whether a value converts to a unit; cycles to angles only if the expression has a factor, `is_scaled`."""
+        if not self.is_compatible(unit_measure(symbol)):
+            return False
+        return is_scaled or not self.unit or not unit.cycles_or_angles(self.unit, symbol)
+
     def raise_to(self, power: Fraction) -> Measure:
         """Return the measure of a power of the value."""
         if self.factors is None or abs(power) > MAX_POWER:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -159,7 +160,7 @@ def problem(declaration: UnitDeclaration, variables: Variables) -> str:
         measured = measure(declaration.expression, variables)
     except ScenarioError as error:
         return str(error)
-    if not declaration.unit or measured.is_compatible(dimension.unit_measure(declaration.unit)):
+    if not declaration.unit or measured.converts_to(declaration.unit, is_scaled(declaration.expression)):
         return ""
     suggested_unit = preferred(measured, variables)
     if declaration.key == "length":
@@ -169,6 +170,11 @@ def problem(declaration: UnitDeclaration, variables: Variables) -> str:
     else:
         advice = f"Use {declaration.key}: {suggested_unit}" if suggested_unit else f"Leave {declaration.key} out"
     return f"{declaration.name or f'`{short(declaration.expression.text)}`'} {measured.text}, which does not convert to {declaration.unit}. {advice}."
+
+
+def is_scaled(expression: Expression) -> bool:
+    """Whether an expression multiplies or divides: `6.2832 * heart.rate` is an angle per time."""
+    return any(isinstance(node, ast.Mult | ast.Div) for node in ast.walk(expression.tree))
 
 
 def preferred(measured: dimension.Measure, variables: Variables) -> str:

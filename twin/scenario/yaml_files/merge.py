@@ -275,6 +275,8 @@ def merged(base: Node, patch: Node, path: Keys = (), keep_null: bool = False) ->
         base = Node({}, patch.location) if "name" in patch.entries else algorithm
     if len(path) == 2 and path[0] == "members" and replaces(base, patch):
         base = Node({key: base.entries[key] for key in TIMING_KEYS if key in base.entries}, patch.location)
+    if len(path) == 3 and path[::2] == ("members", "parameters"):
+        base = without_elements(base, patch)
     if not path and not keep_null:
         base = remove_members(base, [name for name, node in members(patch).items() if node.value is None])
     entries = dict(base.entries)
@@ -286,6 +288,15 @@ def merged(base: Node, patch: Node, path: Keys = (), keep_null: bool = False) ->
         inner_path = () if path == ("variants",) else (*path, key)
         entries[key] = merged(base_value, node, inner_path, keep_null or path == ("variants",))
     return Node(entries, base.location if base.entries else patch.location)
+
+
+def without_elements(base: Node, patch: Node) -> Node:
+    """Remove the elements of arrays, such as `play[3]`, that a patch sets as a whole: `play`."""
+    arrays = {name for name, node in patch.entries.items() if node.value is not None and "[" not in name}
+    unchanged = {
+        key: node for key, node in base.entries.items() if "[" not in key or key.partition("[")[0] not in arrays
+    }
+    return base if len(unchanged) == len(base.entries) else Node(unchanged, base.location)
 
 
 def merged_list(base: Node, patch: Node, path: Keys, keep_null: bool) -> Node:
@@ -338,8 +349,9 @@ def apply_parameter_sets(root: Node) -> Node:
             )
             if set_values is not None and isinstance(set_values.value, dict):
                 own_values = member.entries.get("parameters", Node({}, member.location))
+                parameters = merged(set_values, own_values, ("members", name, "parameters"))
                 patched_members = patched_members | {
-                    name: Node(member.entries | {"parameters": merged(set_values, own_values)}, member.location)
+                    name: Node(member.entries | {"parameters": parameters}, member.location)
                 }
     if not patched_members:
         return root

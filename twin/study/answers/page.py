@@ -10,7 +10,8 @@ import numpy as np
 
 from twin.results import write_text
 from twin.study.answers import clusters, plots, tables
-from twin.study.answers.headline import (
+from twin.study.answers.paired import MIN_SAMPLES
+from twin.study.answers.sentences import (
     Sentence,
     headline,
     holm_note,
@@ -19,7 +20,6 @@ from twin.study.answers.headline import (
     objective_name,
     worst_sentence,
 )
-from twin.study.answers.paired import MIN_SAMPLES
 from twin.study.answers.summary import Answers, cleaned, percent
 from twin.study.design import SAMPLED
 from twin.study.execution import case_table, manifest
@@ -229,7 +229,7 @@ def tuned(outcome: StudyOutcome, answers: Answers) -> dict[str, Any] | None:
     own, keys = outcome.tuned, outcome.study.keys.tune
     if own is None or keys is None:
         return None
-    title = objective_name(keys)
+    metric, title = outcome.study.scenario.metrics[keys.metric], objective_name(keys)
     rows = []
     names = [("as in the scenario", own.trials[0]), ("best", own.best)]
     names += [
@@ -253,6 +253,6 @@ def tuned(outcome: StudyOutcome, answers: Answers) -> dict[str, Any] | None:
         "knobs": [k.factor.name for k in outcome.study.knobs],
         "rows": rows,
         "trials": len(own.trials),
-        "way": plots.tuning_history(own, answers.formats[keys.metric].unit, title),
+        "way": plots.tuning_history(own, answers.formats[keys.metric].unit, title, metric.is_difference),
         "limits": [limit.text for limit in outcome.study.limits],
     }

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
-from twin.results import figure_files, plotting, si_conversion
+from twin.results import dimension, figure_files, plotting, si_conversion
 from twin.study.design import SAMPLED
 from twin.study.execution.case_engine import DONE
 
@@ -44,7 +44,7 @@ def parallel(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
     shown = sorted(set(case_indices[::every]) | set(failed[:LINES]))
     own = cases.values
     columns = [factor.in_shown_unit(own[shown, k]) for k, factor in enumerate(study.factors)]
-    scale, offset = si_conversion(unit)
+    scale, offset = si_conversion(unit, study.metrics[metric].is_difference)
     columns.append((cases.metric(metric)[shown] - offset) / scale)
     labels = [(factor.name, factor.shown_unit) for factor in study.factors] + [(metric, unit)]
     bad = set(failed)
@@ -82,7 +82,7 @@ def scatter(cases: CaseTable, metric: str, variant: str, factor: int, unit: str)
     """Each case a point, linked to it: a metric over a factor, by its number; those that fail in red."""
     study, own, varied = cases.study, cases.where(SAMPLED, variant), cases.study.factors[factor]
     is_bad = failing(cases)
-    scale, offset = si_conversion(unit)
+    scale, offset = si_conversion(unit, study.metrics[metric].is_difference)
     values = (cases.metric(metric) - offset) / scale
     cases_by_verdict = {
         kind: [i for i in own if is_bad[i] is kind and np.isfinite(values[i])] for kind in (False, True)
@@ -127,7 +127,7 @@ def histograms(cases: CaseTable, metric: str, unit: str) -> str:
     The axis is common where the ranges of all variants overlap, else each variant has its own.
     """
     study = cases.study
-    factor, offset = si_conversion(unit)
+    factor, offset = si_conversion(unit, study.metrics[metric].is_difference)
     values, is_bad = (cases.metric(metric) - offset) / factor, np.array(failing(cases))
     case_indices = {variant: np.array(cases.where(SAMPLED, variant), int) for variant in study.variants}
     own = {variant: at for variant, every in case_indices.items() if len(at := every[np.isfinite(values[every])])}
@@ -168,7 +168,7 @@ def bands(folder: Path, cases: CaseTable, name: str, index: int) -> str:
     table = parquet.read_table(folder / "bands.parquet", columns=["case", name])
     samples = dict(zip(table["case"].to_pylist(), table[name], strict=True))
     unit = study.band_units.get(name, "")
-    factor, offset = si_conversion(unit)
+    factor, offset = si_conversion(unit, dimension.is_difference(study.bands[name]))
     begin, every = study.scenario.start_ns * 1e-9, study.keys.keep.every * 1e-9
     own = {}
     for variant in study.variants:
@@ -296,9 +296,9 @@ def tornado(changes: Sequence[Change], unit: str, name: str, labels: Sequence[st
     return figure_files.render_svg((9.2, 0.9 + 0.24 * len(order)), f"tornado {name}", paint)
 
 
-def tuning_history(tuned: Tuned, unit: str, name: str) -> str:
+def tuning_history(tuned: Tuned, unit: str, name: str, is_difference: bool = False) -> str:
     """Objective of each trial of a tuning, and the best until then."""
-    factor, offset = si_conversion(unit)
+    factor, offset = si_conversion(unit, is_difference)
     values = np.array([trial.objective if np.isfinite(trial.objective) else np.nan for trial in tuned.trials])
     good = np.array([trial.is_feasible for trial in tuned.trials])
     trial_indices = np.array([trial.index for trial in tuned.trials])

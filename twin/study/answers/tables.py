@@ -39,7 +39,7 @@ def bare(answers: Answers, name: str, value: float) -> str:
 
 def in_unit(answers: Answers, name: str, value: float) -> float:
     """A value of a metric as a number in its unit."""
-    factor, offset = si_conversion(answers.formats[name].unit)
+    factor, offset = si_conversion(answers.formats[name].unit, answers.formats[name].is_difference)
     return (value - offset) / factor
 
 

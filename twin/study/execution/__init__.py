@@ -8,7 +8,7 @@ from twin.study.execution.case_engine import Engine, Job
 
 if TYPE_CHECKING:
     from twin.study.execution.progress import StudyProgress, TimeEstimate
-    from twin.study.execution.repeat import (
+    from twin.study.execution.stored_case import (
         repeat,
         resolve_case,
         single,
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "repeat": [
+        "stored_case": [
             "stored_case_folder",
             "stored_cases",
             "study_of_run",

@@ -339,7 +339,7 @@ def write_tables(outcome: StudyOutcome, journal: StudyJournal) -> None:
 def keep_runs(outcome: StudyOutcome, build: Path, stop: Stop) -> None:
     """Run those cases again with all their signals that are worth looking at: the bits are the same."""
     from twin.study.answers import noteworthy
-    from twin.study.execution.repeat import repeat
+    from twin.study.execution.stored_case import repeat
 
     for number in noteworthy(outcome.cases, outcome.study.keys.keep):
         if number in outcome.runs:  # of a study that goes on
