@@ -52,7 +52,7 @@ class MetricSensitivity:
 
 @dataclass(frozen=True)
 class Change:
-    """A metric with one factor at another value, and as in the scenario, SI."""
+    """A metric with one factor at another value, and as in the scenario with the same seed, SI."""
 
     metric: str
     variant: str
@@ -191,14 +191,14 @@ def changes(cases: CaseTable) -> list[Change]:
             if metric.variants and variant not in metric.variants:
                 continue
             case_indices = cases.where(SAMPLED, variant)
-            first = [i for i in case_indices if cases.requests[i].sample == 1]
-            before = float(np.mean(table[first])) if first else float("nan")
+            before = {cases.requests[i].seed: float(table[i]) for i in case_indices if cases.requests[i].sample == 1}
             for i in case_indices:
                 if cases.requests[i].sample == 1:
                     continue
                 (k,) = np.flatnonzero(np.isfinite(values[i, : len(study.factors)]))
-                factor, number = study.factors[int(k)], cases.requests[i].number
+                factor, request = study.factors[int(k)], cases.requests[i]
+                own = before.get(request.seed, float("nan"))
                 rows.append(
-                    Change(metric.name, variant, factor.name, float(values[i, k]), number, float(table[i]), before)
+                    Change(metric.name, variant, factor.name, float(values[i, k]), request.number, float(table[i]), own)
                 )
     return rows
