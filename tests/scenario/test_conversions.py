@@ -52,6 +52,14 @@ def test_times_are_exact(text: Any, time: Any) -> None:
 
 
 @every_case(
+    ("text", "parts"),
+    [("5 m²", ("5", "m²")), ("1 s⁻¹", ("1", "s⁻¹")), ("2 kg·m²", ("2", "kg·m²")), ("5 ²", None), ("²", None)],
+)
+def test_quantities_with_superscripts(text: str, parts: tuple[str, str] | None) -> None:
+    assert quantities.split(text) == parts
+
+
+@every_case(
     ("value", "reason"),
     [
         (True, "expected a time, such as 1 ms, not True"),

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
 # A unit starts with a letter, or as `1/s`, `/s` or `1/(s*N)`; `twin.component.unit` decides whether it is valid.
-QUANTITY = re.compile(rf"\s*({NUMBER})\s*((?:1?\s*/\s*\(*\s*)?[A-Za-zµμΩ°%][A-Za-zµμΩ°%_\s*/()^·0-9.-]{{0,60}})?\s*")
+QUANTITY = re.compile(
+    rf"\s*({NUMBER})\s*((?:1?\s*/\s*\(*\s*)?[A-Za-zµμΩ°%][A-Za-zµμΩ°%_\s*/()^·0-9.⁰¹²³⁴⁵⁶⁷⁸⁹⁻-]{{0,60}})?\s*"
+)
 
 DURATIONS = {
     "s": 10**9,
