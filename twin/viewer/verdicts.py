@@ -168,11 +168,11 @@ class Verdicts:
             *(metric.signal for own in metrics for metric in own.values()),
         ]
         tables = self._tables(wanted)
-        found = (
+        violations_of_each = (
             find_violations([expectation], evaluate(own, [expectation], tables), tables)
             for expectation, own in zip(bad, metrics, strict=True)
         )
-        return [next(iter(violations), None) for violations in found]
+        return [next(iter(violations), None) for violations in violations_of_each]
 
     def _tables(self, wanted: Iterable[Expression]) -> dict[Key, Signals]:
         recording, variables = self.viewed.recording, self.viewed.variables
@@ -224,7 +224,7 @@ class Verdicts:
         if following.is_followed(self.viewed):
             return following.plots(self.viewed)
         plots = self.scenario.plots if self.scenario else ()
-        return [data for plot in plots for part in over_one_signal(plot) if (data := self._plot(part))]
+        return [data for plot in plots for part in split_by_axis(plot) if (data := self._plot(part))]
 
     def _plot(self, plot: Plot) -> dict[str, Any] | None:
         curves = [curve for curve in plot.curves if self._has(curve.signal) and (curve.x is None or self._has(curve.x))]
@@ -255,7 +255,7 @@ class Verdicts:
         }
 
 
-def over_one_signal(plot: Plot) -> list[Plot]:
+def split_by_axis(plot: Plot) -> list[Plot]:
     """Split a plot whose curves have different horizontal axes: a pane of the viewer has one."""
     across = list(dict.fromkeys(curve.x for curve in plot.curves))
     if len(across) < 2:

@@ -107,8 +107,8 @@ def switching_needs_arm(bus: BusChoice, node: Station, entry: Entry, arm: bool) 
     from hw_bridge.profiles import acting
 
     if acting.switches(node.profile, entry.index, entry.sub) and not arm and not bus.is_software:
-        is_known = acting.is_described(node.profile, entry.index, entry.sub)
-        why = "switches outputs at once" if is_known else "is not in the profile, and may act at once"
+        is_described = acting.is_described(node.profile, entry.index, entry.sub)
+        why = "switches outputs at once" if is_described else "is not in the profile, and may act at once"
         raise SimulationError(
             f"{node.name}: {entry.index:04X}h.{entry.sub} {why}. Nothing was written. Add --arm if nobody is in the way of "
             f"what is connected: valves, brakes."

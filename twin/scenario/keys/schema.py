@@ -148,7 +148,7 @@ class ExpectKeys(WindowKeys):
     descending: bool = True
     margin: Value | None = None
     mean: bool = False
-    nominal: bool = False  # holds for the file's own parameters alone
+    nominal: bool = False  # is judged only with the parameters of its own file
     ends: Literal["stopped", "completed"] | None = None
     unit: Text = ""
 
