@@ -114,6 +114,19 @@ def test_a_setting_that_variants_undo_is_noted(extending, text: str, settings: s
     )
 
 
+def test_expectations_that_replace_those_of_a_file_elsewhere_are_noted(tmp_path: Path, extending, caplog) -> None:  # type: ignore[no-untyped-def]
+    text = "expect:\n  - {signal: heart.position, at_most: 1 m}"
+    assert extending(text)[1] == []  # both files are one person's
+    (tmp_path / "own").mkdir()
+    for expect, notes in ((text, 1), ("expect: []", 0), ("", 0)):
+        (tmp_path / "own/mine.yaml").write_text(f"extends: ../base.yaml\n{expect}\n")
+        caplog.clear()
+        load_scenario(tmp_path / "own/mine.yaml")
+        assert [record.getMessage().partition(" expect: ")[2] for record in caplog.records] == [
+            "replaces all 4 expectations of ../base.yaml. Copy those that should hold here too."
+        ] * notes
+
+
 def test_an_option_names_the_values_of_variants_that_it_replaces() -> None:
     scenario = parse_scenario(BASE, overrides=["stop_time=8 s", "heart.rate=3 Hz", "heart.respiration_rate=0.2 Hz"])
     assert scenario.replaced_values(["calm", "fast"]) == [

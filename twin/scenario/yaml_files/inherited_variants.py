@@ -146,6 +146,15 @@ def note_undone(root: Node, base: Node) -> None:
             report_undone(root.entries[key], [key], names, f"{key} ({where})", f"{key}: ...")
 
 
+def note_replaced_expectations(root: Node, base: Node, name: str) -> None:
+    """Log a note if expectations of a file replace those of the file that it extends; an empty list removes them on purpose."""
+    key = "expect"
+    lost = len(base.entries[key].items) if key in base.entries and isinstance(base.entries[key].value, list) else 0
+    if lost and key in root.entries and root.entries[key].value:
+        what = "the expectation" if lost == 1 else f"all {lost} expectations"
+        note(f"{root.entries[key].location}: expect: replaces {what} of {name}. Copy those that should hold here too.")
+
+
 def undone_paths(patch: Node, variant_member: Node | None, component: Node | None) -> Iterator[tuple[str, ...]]:
     """Yield the keys and parameters of a member's patch that a variant's own patch of the member replaces."""
     if variant_member is None or not variant_member.entries:

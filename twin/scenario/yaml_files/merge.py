@@ -14,7 +14,13 @@ from twin.errors import ScenarioError, printable
 from twin.scenario import fmu_reader, scenario_paths, ssp_reader
 from twin.scenario.resolution.variable_names import nearest
 from twin.scenario.yaml_files import yaml_reader
-from twin.scenario.yaml_files.inherited_variants import TIMING_KEYS, keep_empty_variants, note_undone, remove_variants
+from twin.scenario.yaml_files.inherited_variants import (
+    TIMING_KEYS,
+    keep_empty_variants,
+    note_replaced_expectations,
+    note_undone,
+    remove_variants,
+)
 from twin.scenario.yaml_files.member_removal import members, remove_members
 from twin.scenario.yaml_files.yaml_node import Node
 
@@ -78,6 +84,8 @@ def complete(root: Node, path: Path, shown: str, problems: list[str], extending_
     problems += unknown_disconnects(root, base) + unused_disconnects(root, base)
     base = remove_variants(base, root, problems)
     note_undone(root, base)
+    if target.parent.resolve() != resolved_path.parent:
+        note_replaced_expectations(root, base, parent.value)
     result = merged(base, root)
     return Node({key: node for key, node in result.entries.items() if key != "extends"}, root.location)
 

@@ -361,7 +361,8 @@ class StudyLoader(KeyFile):
                 )
             elif any(one.expectation == e.name and e.nominal for e in self.scenario.expectations):
                 self.add_problem(
-                    f"`{one.expectation}` is judged only with the parameters of its own file (`nominal`). Name another.", *path
+                    f"`{one.expectation}` is judged only with the parameters of its own file (`nominal`). Name another.",
+                    *path,
                 )
             elif one.metric and one.metric not in self.scenario.metrics:
                 self.add_problem(
