@@ -35,6 +35,7 @@ SHOWN = 20_000  # characters of what a command prints
 HISTORY_LENGTH = 50  # commands that are listed
 END_TIMEOUT = 15.0  # of a command after Ctrl-C: its stop, and restoration of the drive [s]
 READS = frozenset({"scan", "status", "dump", "compare", "check"})  # beside a session and other programs too
+OF_A_FILE = frozenset({"check", "reset"})  # their first argument is the hardware file
 MOVES = frozenset({"enable", "home", "jog", "move", "direction", "step"})  # needs --arm for real drives, and a page
 
 
@@ -111,7 +112,7 @@ class Typed:
                     f"{self.file}: {keys.interface} {keys.channel} may move real drives, and this console was not armed. "
                     f"End it, and start it with --arm."
                 )
-            words = [word, str(self.file), node] if word == "reset" else [word, node, "-f", str(self.file)]
+            words = [word, str(self.file), node] if word in OF_A_FILE else [word, node, "-f", str(self.file)]
             words = [*filter(None, words), *options, *(["--arm"] if word in MOVES and self.console.arm else [])]
             self.watch.pause()
             if self._stop_count != stop_count:

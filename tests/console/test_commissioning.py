@@ -3,9 +3,11 @@
 import time
 from types import SimpleNamespace
 
+import click
 import pytest
 
-from hw_bridge.command.commissioning_steps import READING, STEPS, is_done, missing, options, problem
+from hw_bridge.command import hil
+from hw_bridge.command.commissioning_steps import ANY_TIME, READING, STEPS, is_done, missing, options, problem
 from hw_bridge.command.pages import PANEL, parts, result, state_text
 from hw_bridge.command.typed import MOVES, settled
 from hw_bridge.commission import axis
@@ -87,6 +89,19 @@ def test_a_button_runs_what_one_types(typed):
     assert "Switch on disabled" in one.text
     ((_, line, code),) = one.done
     assert (line, code) == (f"twin hil status axis -f {one.file}", 0)
+
+
+@every_case("step", [*STEPS, *ANY_TIME])
+def test_every_step_types_what_its_command_accepts(typed, monkeypatch, step):
+    """Of the file on its own, else with -f; also the files that the page adds."""
+    one = typed()
+    lines = []
+    monkeypatch.setattr(one, "_start", lambda words, attended: lines.append(words))
+    files = [str(one.file.with_name("axis.dcf"))] if step.word in ("dump", "compare") else []
+    one.file.with_name("axis.dcf").touch()
+    one.begin(step.word, "" if step.is_bus_wide else "axis", [*options(step, {}), *files])
+    ((word, *arguments),) = lines
+    assert hil.command.get_command(click.Context(hil.command), word).make_context(word, arguments).params
 
 
 @pytest.mark.slow

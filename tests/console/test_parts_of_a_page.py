@@ -256,7 +256,7 @@ def test_a_session_is_prepared_or_fails(setting):
 
 def test_requirements_are_judged_once_rows_are_there(setting):
     one, judged = setting(), [[]]
-    verdicts = SimpleNamespace(live=one.live, rows=lambda: judged[0], catalog=SimpleNamespace(stop=0.0))
+    verdicts = SimpleNamespace(live=one.live, rows=lambda: judged[0], catalog=SimpleNamespace(judged_until=0.0))
     one.state.epoch = 0
     with one.page:
         summary.judged(one.console, verdicts)

@@ -30,18 +30,19 @@ def verdicts(tmp_path):
     path = tmp_path / "beat.yaml"
     path.write_text(TEXT)
 
-    def until(end):
+    def until(end, judged_until=0.5, phase="running", done=()):
         time = np.linspace(0.0, end, 101)
         position = np.where(time < 0.3, 0.0, 2e-3)
         catalog = SimpleNamespace(
             variant="base",
             seed=1,
             start=0.0,
-            stop=0.5,
+            judged_until=judged_until,
             signals={"heart.position": SimpleNamespace(recorded=True, unit="m")},
         )
         samples = SimpleNamespace(time=time, values={"heart.position": position})
-        live = SimpleNamespace(catalog=catalog, done=[], read=lambda *_: samples)
+        state = SimpleNamespace(phase=phase)
+        live = SimpleNamespace(catalog=catalog, done=done, read=lambda *_: samples, state=state)
         return {row.name: row.verdict for row in SessionVerdicts(path, live).rows()}
 
     return until
@@ -59,6 +60,14 @@ def verdicts(tmp_path):
 )
 def test_what_is_told_while_a_session_runs(verdicts, end, told):
     assert verdicts(end) == told
+
+
+def test_an_operator_is_judged_until_the_session_ends(verdicts):
+    """With controls a session goes on after the scenario's end; what has no end of its own is open until it is over."""
+    own = {"always": "pass", "soon": "fail", "a metric": "pass", "late": ""}
+    assert verdicts(3.0, judged_until=np.inf) == own
+    assert verdicts(3.0, judged_until=np.inf, phase="stopped") == own
+    assert verdicts(0.25, judged_until=np.inf, phase="stopped")["a metric"] == "fail"  # nothing comes any more
 
 
 OTHERS = """
@@ -99,14 +108,15 @@ def test_what_can_be_judged(tmp_path, by_operator, verdicts):
         "heart.position": SimpleNamespace(recorded=True, unit="m"),
         "heart.velocity": SimpleNamespace(recorded=False, unit="m/s"),
     }
-    catalog = SimpleNamespace(variant="base", seed=1, start=0.0, stop=0.5, signals=signals)
+    catalog = SimpleNamespace(variant="base", seed=1, start=0.0, judged_until=0.5, signals=signals)
     asked = []
 
     def read(*arguments):
         asked.append(arguments)
         return SimpleNamespace(time=time, values={"heart.position": np.full(6, 2e-3)})
 
-    live = SimpleNamespace(catalog=catalog, done=[SimpleNamespace(by_operator=by_operator)], read=read)
+    done = [SimpleNamespace(by_operator=by_operator, time=0.2), SimpleNamespace(by_operator=True, time=0.5)]  # too late
+    live = SimpleNamespace(catalog=catalog, done=done, read=read, state=SimpleNamespace(phase="running"))
     found = SessionVerdicts(path, live)
     assert list(found.metrics) == ["own"]
     found_rows = found.rows()
@@ -133,3 +143,8 @@ def test_the_result_in_a_sentence(counts, sentence):
         verdict for verdict, count in zip(("pass", "fail", "waiting"), counts, strict=True) for _ in range(count)
     ]
     assert headline([Row(verdict, "name", "") for verdict in [*verdicts, ""]], True) == sentence
+
+
+def test_requirements_that_are_not_judged_are_counted():
+    rows = [Row(verdict, "name", "") for verdict in ("pass", "pass", "not judged")]
+    assert headline(rows, True) == "2 of 3 requirements met, 1 not judged."

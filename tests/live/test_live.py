@@ -320,9 +320,9 @@ def test_odd_steps_from_an_odd_start(start, build, tmp_path):
         "expect: [{name: bound, signal: wall.tip_position, at_most: 3 mm}, {name: own, signal: wall.tip_position, at_most: 0, "
         "nominal: true}, {name: other, signal: wall.tip_position, at_most: 0, variants: free}]}"
     )
-    live = start(file, variant="pressed", seed=None, running=True, rate=10.0)
-    until(lambda: live.state.time > 1.5, "half a second")
-    live.set("wall.tip_position", "2 mm")
+    live = start(file, variant="pressed", seed=None, running=False, rate=10.0)
+    live.set("wall.tip_position", "2 mm")  # before the scenario's end; later it would change no verdict
+    live.resume()
     until(lambda: live.state.phase == "paused", "the end of the scenario")
     assert live.state.time == 2.0
     live.resume()

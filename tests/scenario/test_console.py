@@ -104,6 +104,7 @@ def test_one_variant_alone_is_a_scenario_with_the_criteria_that_it_can_meet():
     one = endless(texts["one"], scenario.variants[0], scenario.path, criteria[0])
     assert (one.variants[0].variant, one.seeds, len(one.plots)) == ("one", (0,), 1)
     assert one.metrics["far"].window.stop_ns == scenario.variants[0].stop_ns
+    assert "to:" not in criteria_yaml(scenario, scenario.variants[0], ["servomotor.position"], has_end=False)
     assert [expectation.metric for expectation in one.expectations] == ["far"]
     assert "far" not in texts["one"]  # operated.yaml may end before a window begins
     assert one.plots[0].window.start_ns is None

@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 from twin import installed
 from twin.console.curves import SessionCurves
 from twin.errors import TwinError
-from twin.live import LiveSession
+from twin.live import OVER, LiveSession
 from twin.web import OperatorLock
 
 if TYPE_CHECKING:
     from twin.live import Catalog
 
 GROUP = "twin.console"  # entry points: name of a panel -> `Panel`
-OVER = ("stopped", "failed")
 
 
 class BackgroundActivity(Protocol):

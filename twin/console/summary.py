@@ -12,9 +12,9 @@ from nicegui import run as nicegui_run
 from nicegui import ui
 
 from twin.console import operator_panel
-from twin.console.session import OVER
 from twin.console.verdicts import METRIC, NOT_JUDGED, WAITING, SessionVerdicts, headline
 from twin.errors import TwinError
+from twin.live import OVER
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -87,7 +87,7 @@ def judged(console: Host, verdicts: SessionVerdicts) -> None:
         if live.state.epoch == 0 or verdicts.live is not console.live:
             return
         rows = await nicegui_run.io_bound(verdicts.rows)
-        has_ended = live.state.phase in OVER or live.state.time >= verdicts.catalog.stop
+        has_ended = live.state.phase in OVER or live.state.time >= verdicts.catalog.judged_until
         if (rows, has_ended) == shown[0] or not rows:
             return
         shown[0], total.text = (rows, has_ended), headline(rows, has_ended)

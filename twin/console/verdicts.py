@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from twin import clock
-from twin.live import RefusedError
+from twin.live import OVER, RefusedError
 from twin.results import Signals, evaluate
 from twin.scenario import lint
 
@@ -61,11 +62,11 @@ class SessionVerdicts:
         return expectation.metric in self.metrics
 
     def rows(self) -> list[Row]:
-        """Judge the rows up to the end of the scenario: requirements, then metrics."""
+        """Judge the rows up to the end of the scenario, or of the session if an operator has controls: requirements, then metrics."""
         if not self._names:
             return []
         try:
-            samples = self.live.read(self._names, None, self.catalog.stop)
+            samples = self.live.read(self._names, None, self.catalog.judged_until)
         except RefusedError:
             return []
         if len(samples.time) < 2:
@@ -73,13 +74,14 @@ class SessionVerdicts:
         now = float(samples.time[-1])
         units = {name: self.catalog.signals[name].unit for name in self._names}
         tables = {(self.catalog.variant, self.catalog.seed): Signals(samples.time, samples.values, units)}
-        changed = any(command.by_operator for command in self.live.done)
+        end = now if self.live.state.phase in OVER else self.catalog.judged_until
+        changed = any(command.by_operator and command.time < end for command in self.live.done)
         nominal = [each for each in self.expectations if changed and each.nominal]
         expectations = [each for each in self.expectations if each not in nominal]
         judged = [each for each in expectations if self._begin(each) <= now]
         metrics = {name: each for name, each in self.metrics.items() if begin(each) <= now}
-        evaluation = evaluate(metrics, judged, tables, not changed, has_ended=now >= self.catalog.stop)
-        unfinished = {name for name, each in self.metrics.items() if now < self._end(each)}
+        evaluation = evaluate(metrics, judged, tables, not changed, has_ended=now >= end)
+        unfinished = {name for name, each in self.metrics.items() if now < min(end, metric_end(each))}
         open_names = {each.name for each in judged if each.signal is None and each.metric in unfinished}
         rows = []
         for result in evaluation.expectation_results:
@@ -106,16 +108,16 @@ class SessionVerdicts:
             )
         return rows
 
-    def _end(self, metric: Metric) -> float:
-        """Time from which a metric does not change [s]."""
-        stop = metric.window.stop_ns
-        return self.catalog.stop if stop is None else min(self.catalog.stop, clock.seconds(stop))
-
     def _begin(self, expectation: Expectation) -> float:
         """Time from which a requirement is judged [s]."""
         if expectation.signal is None and expectation.metric is not None:
             return begin(self.metrics[expectation.metric])
         return begin(expectation)
+
+
+def metric_end(metric: Metric) -> float:
+    """Time from which a metric does not change [s]; infinite for that of a run's end."""
+    return math.inf if metric.window.stop_ns is None else clock.seconds(metric.window.stop_ns)
 
 
 def begin(judged: Metric | Expectation) -> float:
@@ -133,4 +135,8 @@ def headline(rows: list[Row], has_ended: bool) -> str:
     if counts[WAITING] or not has_ended:
         still_open = f", {counts[WAITING]} open" if counts[WAITING] else ""
         return f"So far {counts['pass']} met, {counts['fail']} failed{still_open}."
-    return f"{counts['fail']} of {judged} requirements failed." if counts["fail"] else f"All {judged} requirements met."
+    left = sum(row.verdict == NOT_JUDGED for row in rows)
+    rest = f", {left} not judged" if left else ""
+    if counts["fail"]:
+        return f"{counts['fail']} of {judged} requirements failed{rest}."
+    return f"{judged} of {judged + left} requirements met{rest}." if left else f"All {judged} requirements met."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
@@ -113,6 +114,11 @@ class Catalog:
     warnings: tuple[Mapping[str, Any], ...] = ()  # signal, above, text
     scenes: tuple[Mapping[str, Any], ...] = ()  # title; walls [mm]; motions, lines, points, arrows by names of signals
     spaces: tuple[Mapping[str, Any], ...] = ()  # title, axes; specification of a `Space` and parameters of its path
+
+    @property
+    def judged_until(self) -> float:
+        """End of what is judged [s]: that of the scenario; infinite where an operator has controls, who goes on."""
+        return math.inf if self.controls else self.stop
 
     def plain(self) -> dict[str, Any]:
         """Return the catalog as plain data for JSON."""

@@ -159,8 +159,16 @@ class Session:
         return -(-(made + more) // self.macro) * self.macro - made
 
     def operator_changes(self) -> list[str]:
-        """Return a line about the variables that the operator changed in the last run, or none."""
-        changes = self._executor.operator_changes.items() if self._executor is not None else ()
+        """Return a line about the variables that the operator changed in the last run before the end of what is judged, or none."""
+        executor = self._executor
+        if executor is None:
+            return []
+        end = executor.catalog.judged_until
+        changes = [
+            (name, before)
+            for name, times in executor.operator_changes.items()
+            if (before := [time for time in times if clock.seconds(time) < end])
+        ]
         texts = [
             f"{name} at {clock.text(times[0])}{f' and {len(times) - 1} times more' * (len(times) > 1)}"
             for name, times in changes

@@ -22,7 +22,7 @@ from twin.live.operator.operation_log import event_lines, time_text
 from twin.live.pacing import checked_rate
 from twin.live.session import Session
 from twin.run import Hardware, RunCallbacks, RunOptions, load_hardware, resolve_catalogs, run_scenario
-from twin.scenario import Backend, criteria_yaml, load_scenario, parse_scenario, single_case_yaml
+from twin.scenario import Backend, controls_of, criteria_yaml, load_scenario, parse_scenario, single_case_yaml
 
 if TYPE_CHECKING:
     from twin.live.session import Drives
@@ -59,7 +59,7 @@ class SessionProcess:
             ]  # a drive lacks the local variables of the member it replaces
             names = [name for name in names if name.partition(".")[2] in drive_variables[name.partition(".")[0]]]
         session.scenario, session.variant, session.head = scenario, variant, single_case_yaml(scenario, case, names)
-        criteria = criteria_yaml(scenario, case, names)
+        criteria = criteria_yaml(scenario, case, names, has_end=not controls_of(scenario, case, variables))
         own = endless(session.head, case, scenario.path, criteria, is_limited="valid_until" in scenario.tree.entries)
         session.session_scenario = own
         return own

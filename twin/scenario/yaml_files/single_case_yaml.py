@@ -74,10 +74,10 @@ def single_case_yaml(scenario: ScenarioSpec, case: Case, record: Sequence[str]) 
     return yaml_writer.text(Node(entries, location))
 
 
-def criteria_yaml(scenario: ScenarioSpec, case: Case, recorded: Collection[str]) -> str:
+def criteria_yaml(scenario: ScenarioSpec, case: Case, recorded: Collection[str], has_end: bool = True) -> str:
     """Return metrics and expectations that one variant with these recorded variables can meet, as YAML; else empty.
 
-    Windows without an end stop at that of the case, and references are those of its variant. Left out: what compares
+    Windows without an end stop at that of the case if it `has_end`, else with the session, and references are those of its variant. Left out: what compares
     variants, and how a run has to end, which an operator decides.
     """
     root, location, variant = scenario.tree, scenario.tree.location, case.variant
@@ -87,7 +87,7 @@ def criteria_yaml(scenario: ScenarioSpec, case: Case, recorded: Collection[str])
 
     def windowed(node: Node) -> dict[str, Node]:
         own = {key: item for key, item in node.entries.items() if key not in SELECTION}
-        return {"to": Node(clock.exact_text(case.stop_ns), location), **own}
+        return {"to": Node(clock.exact_text(case.stop_ns), location), **own} if has_end else own
 
     metrics = {}
     for name, metric in scenario.metrics.items():
