@@ -138,6 +138,9 @@ def hint(step: Step, entry: Entry, axis: Axis) -> str:
     low, high = bounds(step, entry, axis)
     if not math.isfinite(high):
         return "within the limits"
+    if entry is BY and step.word == "move":  # from wherever it is
+        low, high = axis.keys.limits.position
+        return f"a way that ends within {axis.format_quantity(low)} to {axis.format_quantity(high)}"
     most = axis.format_quantity(high, entry.per or "")
     return f"up to {most}" if low == 0.0 and entry is not TO else f"{axis.format_quantity(low)} to {most}"
 

@@ -243,6 +243,8 @@ def refusal(page: Page, command_step: Step, name: str, values: dict[str, Any], d
     """Why a step cannot begin, apart from a running command and wrong fields; empty if it can."""
     if command_step.word == "home" and drive_axis is not None and drive_axis.keys.homing is None:
         return f"{name}: {homing.NO_HOMING}"
+    if command_step.always and page.typed.keys.simulated:
+        return "A simulated drive cannot be pushed by hand. This step is for real ones."
     if page.typed.needs_arm(command_step.word) and not command_step.always:
         return "Real drives, not armed: end this console and start it with --arm."
     if command_step.word == "compare" and not page.dump(name).is_file():

@@ -9,7 +9,10 @@ from hw_bridge.commission import object_texts
 if TYPE_CHECKING:
     from hw_bridge.hardware import NodeKeys
 
-NO_HOMING = "has no `homing` in the hardware file. Add it, such as homing: {method: -3, at: -40 mm, speed: 20 mm/s}."
+NO_HOMING = (
+    "has no `homing` in the hardware file. Add it, such as homing: {method: -3, at: POSITION, speed: 20 mm/s}, with the position "
+    "of its mechanical stop."
+)
 
 
 def explained(keys: NodeKeys) -> list[str]:
