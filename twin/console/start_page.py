@@ -41,7 +41,10 @@ def pick(context: PageContext) -> None:
 
         @ui.refreshable
         def cards() -> None:
-            for heading, entries in select_groups(groups, search.value or ""):
+            selected = select_groups(groups, search.value or "")
+            if not selected:
+                ui.label("No scenario matches.").classes("twin-soft").props("role=status")
+            for heading, entries in selected:
                 ui.label(heading).classes("twin-h")
                 with ui.element("div").classes("twin-cards"):
                     for name, overview in entries:
