@@ -141,12 +141,12 @@ def test_every_command_at_its_communication_point(tmp_path):
     assert [entry["number"] for entry in first_run] == list(range(1, len(first_run) + 1))
     own = [(round(1e3 * entry["time"]), entry["kind"], entry["text"]) for entry in first_run if entry["by_operator"]]
     assert own == [
-        (15, "set", "set servomotor.mass = 0.9"),
+        (15, "set", "set servomotor.mass = 0.9 kg"),
         (15, "override", "override servomotor.position = 3 mm"),
         (16, "release", "release servomotor.position"),
         (16, "override", "override servomotor.position = 3 mm"),
         (16, "release", "release servomotor.position"),
-        (16, "set", f"set {SPEED} = 0.02"),
+        (16, "set", f"set {SPEED} = 20 mm/s"),
         (16, "set", "set command.pressed = true"),
         (76, "set", f"set {SPEED} = 0.0"),
         (76, "set", "set command.pressed = false"),

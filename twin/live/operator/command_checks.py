@@ -74,9 +74,17 @@ class CommandExecutor:
         except CouplingError as error:
             raise RefusedError(error.problems[0]) from None
         self.note_change(event)
-        value = str(event.value).lower() if isinstance(event.value, bool) else short(event.value)
-        text = f"{event.kind} {event.variable}{'' if event.kind == 'release' else f' = {value}'}"
-        self.write(event, event.kind, text, by_operator)
+        value = "" if event.kind == "release" else f" = {self.shown(event)}"
+        self.write(event, event.kind, f"{event.kind} {event.variable}{value}", by_operator)
+
+    def shown(self, event: EventSpec) -> str:
+        """Return an event's value in the unit in which the variable is shown."""
+        value, signal = event.value, self.catalog.signals.get(event.variable.partition("[")[0])
+        if isinstance(value, bool):
+            return str(value).lower()
+        if isinstance(value, int | float) and signal is not None and signal.display_unit:
+            return f"{signal.factor * value + signal.offset:.6g} {signal.display_unit}"
+        return short(value)
 
     def note_change(self, event: EventSpec) -> None:
         """Update the values that the operator sees after an event was applied."""
