@@ -148,7 +148,7 @@ def test_every_command_at_its_communication_point(tmp_path):
         (16, "release", "release servomotor.position"),
         (16, "set", f"set {SPEED} = 20 mm/s"),
         (16, "set", "set command.pressed = true"),
-        (76, "set", f"set {SPEED} = 0.0"),
+        (76, "set", f"set {SPEED} = 0 mm/s"),
         (76, "set", "set command.pressed = false"),
     ]
     others = {(entry["kind"], entry["text"]) for entry in first_run if not entry["by_operator"]}
