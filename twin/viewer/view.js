@@ -104,6 +104,7 @@ const windowOf = () => state.window || extentOf();
 
 function windowed() {
   const [from, to] = windowOf();
+  if (state.time !== null) state.time = Math.min(Math.max(state.time, from), to); // the picture is of the window, too
   find("clear").hidden = !state.cursors.length;
   find("from").value = +readableTime(from, from, to);
   find("to").value = +readableTime(to, from, to);
