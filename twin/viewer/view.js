@@ -64,6 +64,21 @@ class Panes extends Chart {
     line.append(menu(one.place));
     return line;
   }
+
+  chip(curve, index) {
+    const chip = super.chip(curve, index);
+    curve.equality = chip.firstChild.appendChild(element("span", ""));
+    return chip;
+  }
+
+  // a difference that is zero in the visible window would otherwise look like a curve that is missing
+  values(one) {
+    super.values(one);
+    for (const { equality, item, name } of one.curves) {
+      const y = item.minus === null ? [] : [...(this.data[name]?.y ?? [])].filter((value) => !Number.isNaN(value)), text = y.length && y.every((value) => value === 0) ? "(equal)" : "";
+      if (equality.textContent !== text) equality.textContent = text;
+    }
+  }
 }
 
 function show() {
