@@ -65,18 +65,19 @@ def test_forces_say_whether_they_are_measured_and_charts_at_what_time(page):
           const { drawViews } = await import("/web/views.js");
           const part = (kind, ...names) => ({ kind, signals: Object.fromEntries(names.map((name) => [name, `${kind}.${name}`])), sizes: {} });
           const parts = [part("carriage", "position", "velocity"), part("wall", "force"), part("force", "measured_force")];
-          const drawn = (own, values) => {
+          const drawn = (own, values, more = {}) => {
             const place = document.createElement("div");
-            drawViews(place, [{ view: "rig", title: "", band: [0.1, 0.4], parts: own }])(values);
+            drawViews(place, [{ view: "rig", title: "", band: [0.1, 0.4], parts: own, ...more }])(values);
             return [[...place.querySelectorAll("text")].map((text) => text.textContent), place.querySelector(".hand").getAttribute("x1")];
           };
           const values = { "carriage.position": 0.001, "wall.force": 0.25, "force.measured_force": 0.2 };
-          return [drawn(parts, values), drawn(parts.slice(0, 2), values)];
+          return [drawn(parts, values), drawn(parts.slice(0, 2), values), drawn(parts.slice(0, 2), values, { is_judged: false })];
         }"""
     )
-    (both, hand), (true_force, _) = texts
+    (both, hand), (true_force, _), (unjudged, _) = texts
     assert "measured contact force 0.200 N, in range; true 0.250 N" in both
     assert "true contact force 0.250 N, in range" in true_force
+    assert "true contact force 0.250 N" in unjudged
     assert {"10 \u00d7", "1.0 mm", "4 mm"} <= set(both)
     assert float(hand) == 20.0  # of a millimeter, beside 2 on the rail
     title, newest = page.locator(".twin-pane-title").first.inner_text(), page.evaluate(NEWEST)

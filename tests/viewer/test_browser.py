@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.viewer.pages import Page, viewed
-from tests.viewer.recorded import BEATS, beats, runs
+from tests.viewer.recorded import BEATS, FORCE, beats, folder_of, runs, wave
 
 pytest.importorskip("nicegui")
 pytestmark = pytest.mark.slow
@@ -85,6 +85,7 @@ def test_a_name_is_completed_and_kinds_of_plots_are_at_the_top(open_page):
     page.page.get_by_label("kind of plot").select_option("spectrum")
     field.press("Enter")
     page.page.wait_for_function("document.getElementById('signal').value === ''")
+    assert page.page.locator(".matches:visible").count() == 0
     assert [one["title"] for one in page.curves()] == ["heart.position", "Spectrum of abs(heart.velocity)"]
     page.page.get_by_label("kind of plot").select_option("xy")
     field.fill("heart.position")
@@ -92,6 +93,41 @@ def test_a_name_is_completed_and_kinds_of_plots_are_at_the_top(open_page):
     page.page.get_by_label("signal of the x axis").press("Enter")
     page.page.wait_for_function("document.getElementById('signal').value === ''")
     assert page.curves()[-1]["title"] == "heart.position over heart.velocity"
+
+
+def test_a_completion_list_closes_with_add(open_page):
+    """The list of `heart.position` is open for the last word, `po`, of a valid expression while the caret is inside it."""
+    page = open_page()
+    field = page.page.get_by_label("add an expression")
+    field.fill("2 * heart.psition")
+    field.evaluate("one => one.setSelectionRange(11, 11)")
+    page.page.keyboard.type("o")
+    page.page.locator(".matches:visible .match").first.wait_for()
+    field.press("Enter")
+    page.page.wait_for_function("document.getElementById('signal').value === ''")
+    assert page.page.locator(".matches:visible").count() == 0
+    assert page.curves()[-1]["title"] == "2 * heart.position"
+
+
+def test_two_runs_begin_with_the_same_cases_and_equal_ones_say_so(browser, tmp_path):
+    time, force = wave(100.0, 1.0)
+    own = {(f"PI {k}", 1): (time, {"sensor.force": k * force}) for k in range(1, 6)}
+    other = {key: own[key] for key in reversed(own)} | {("PI 2", 1): (time, {"sensor.force": 7 * force})}
+    folders = [folder_of(tmp_path / name, cases, [FORCE]) for name, cases in (("a", own), ("b", other))]
+    with viewed(*folders, "--signal", "sensor.force") as address:
+        context = browser.new_context(viewport={"width": 1280, "height": 900})
+        page = Page(context, address)
+        (pane,) = page.curves()
+        assert [one["label"] for one in pane["curves"]] == [f"{run}: PI {k}" for run in "AB" for k in (1, 2, 3)]
+        page.page.locator("#chart .menu summary").first.click()
+        page.page.get_by_label("difference from").first.select_option("run A, case by case")
+        page.drawn()
+        page.page.locator(".twin-chip", has_text="(equal)").first.wait_for()
+        texts = page.page.locator(".twin-legend").nth(1).locator(".twin-chip-name").all_inner_texts()
+        shown = [text.replace("\n", " ") for text in texts]
+        assert shown == [f"B: PI {k} {MINUS} A{' (equal)' * (k != 2)}" for k in (1, 2, 3)]
+        assert page.wrong == []
+        context.close()
 
 
 COLORS = """() => { const { chart } = document.getElementById("chart");

@@ -14,7 +14,7 @@ import pytest
 from tests.viewer.pages import Page, table, viewed
 from tests.viewer.recorded import FORCE, folder_of, runs, wave
 from twin.process import process_identity
-from twin.results import Journal, column_to_dict
+from twin.results import Journal, RecordedVariable, column_to_dict
 from twin.viewer import embedded_page
 from twin.viewer.curve_data import KINDS
 from twin.viewer.runs import ViewedCurve
@@ -112,6 +112,45 @@ def test_a_spectrum_in_a_file_is_the_server_s(browser, tmp_path, monkeypatch):
     low, high = np.nanmin(wave), np.nanmax(wave)
     shown = [cell.replace("\u2013", "") for cell in table(page, ["mean", "RMS", "slope"])[-1][1:]]
     assert shown == ["", "", "", *(f"{value:.2f}" for value in (low, high, high - low)), "", ""]
+    context.close()
+
+
+@pytest.mark.parametrize("width", [1280, 360])
+def test_signals_of_many_variants_have_panes_and_whole_legends(browser, tmp_path, width):
+    time, force = wave(100.0, 1.0)
+    other = RecordedVariable("controller.force_of_the_estimator", unit="N")
+    cases = {
+        (f"PI+FF+BW with the gain {k}", 1): (time, {FORCE.name: k * force, other.name: -k * force}) for k in range(5)
+    }
+    opened = runs(folder_of(tmp_path / "run", cases, [FORCE, other]))
+    (tmp_path / "page.html").write_text(embedded_page(opened, [FORCE.name, other.name], list(range(5))).text)
+    context = browser.new_context(offline=True, viewport={"width": width, "height": 740})
+    page = Page(context, (tmp_path / "page.html").as_uri())
+    assert [(one["title"], len(one["curves"])) for one in page.curves()] == [(FORCE.name, 5), (other.name, 5)]
+    page.page.wait_for_timeout(200)  # the panes make room for wrapped names
+    rows = page.page.evaluate("""() => { const { chart } = document.getElementById("chart"), { top } = chart.canvas.getBoundingClientRect();
+        return [...document.querySelectorAll(".twin-names")].map((one, k) => [one.scrollHeight - one.clientHeight,
+          one.getBoundingClientRect().bottom - top - chart.boxes[k].top, chart.boxes[k].height]); }""")
+    for hidden, over, height in rows:
+        assert (hidden <= 0, over <= 0, height >= 100) == (True, True, True)
+    assert page.wrong == []
+    context.close()
+
+
+def test_the_axis_of_a_spectrum_has_six_decades(browser, tmp_path):
+    """A curve that is nearly zero does not press the others together."""
+    time, force = wave(100.0, 2.0)
+    cases = {("PI", 1): (time, {FORCE.name: force}), ("PI+FF", 1): (time, {FORCE.name: 1e-6 * force})}
+    (tmp_path / "page.html").write_text(
+        embedded_page(runs(folder_of(tmp_path / "run", cases, [FORCE])), [FORCE.name], [0, 1]).text
+    )
+    context = browser.new_context(offline=True)
+    page = Page(context, (tmp_path / "page.html").as_uri())
+    page.page.locator("#chart .menu summary").first.click()
+    page.page.locator("#chart .menu[open]").get_by_text("Spectrum").click()
+    strong, _ = page.curves()[1]["curves"]
+    low = page.page.evaluate("document.getElementById('chart').chart.boxes[1].low")
+    assert low == pytest.approx(1e-6 * max(strong["y"]), rel=0.5)
     context.close()
 
 

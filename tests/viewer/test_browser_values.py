@@ -98,6 +98,21 @@ def test_the_time_plays_and_stops(open_page):
     assert page.page.evaluate("document.getElementById('chart').chart.time") is None
 
 
+def test_the_time_cursor_stays_in_the_window(open_page):
+    """Scene, read-out and table show one instant: the picture is of the window."""
+    page = open_page()
+    page.page.evaluate("document.getElementById('chart').chart.notify('time', { at: 0.25 })")
+    assert page.page.locator("#now").inner_text() == "0.2500 s"
+    page.page.locator("#from").fill("1.2")
+    page.page.locator("#from").press("Enter")
+    page.page.wait_for_function("parseFloat(document.getElementById('now').innerText) === 1.2")
+    assert (page.state["window"], page.state["time"]) == ([1.2, 2.0], 1.2)
+    assert page.page.evaluate("document.getElementById('chart').chart.time") == 1.2
+    page.page.wait_for_function(
+        "(() => { const [head, times] = document.querySelectorAll('#values tr'), k = [...head.cells].findIndex((one) => one.innerText === 'now'); return parseFloat(times.cells[k].innerText) === 1.2; })()"
+    )
+
+
 def test_values_at_the_cursors_are_read_on_a_phone(browser, address):
     context = browser.new_context(viewport={"width": 360, "height": 740}, has_touch=True)
     page = Page(context, address)
@@ -147,8 +162,6 @@ def test_plots_stay_tall_and_the_table_has_room(open_page):
     page.drawn()
     heights = page.page.evaluate("document.getElementById('chart').chart.boxes.map((box) => box.height)")
     assert min(heights) >= 114
-    legends = page.page.evaluate("[...document.querySelectorAll('.twin-names')].map((one) => one.offsetHeight)")
-    assert max(legends) <= 50
     page.page.evaluate("document.getElementById('drawing').scrollTop = 0")
     for part in (0.25, 0.5):
         page.page.mouse.click(*page.place(part))
@@ -188,6 +201,22 @@ def seeds_page(browser, tmp_path):
     yield opened
     context.close()
     assert opened.wrong == []
+
+
+def test_the_slope_of_a_page_is_that_of_the_line(browser, tmp_path):
+    """At irregular times, and without what is not a number."""
+    time = np.sort(np.random.default_rng(1).uniform(0.0, 10.25, 900))
+    force = 30.0 * time + 2.0 * np.sin(2 * np.pi * time)
+    force[[0, 500]] = np.nan
+    folder = folder_of(tmp_path / "run", {("PI", 1): (time, {"sensor.force": force})}, [FORCE])
+    (tmp_path / "page.html").write_text(embedded_page(runs(folder), ["sensor.force"], [0]).text)
+    context = browser.new_context(offline=True)
+    page = Page(context, (tmp_path / "page.html").as_uri())
+    head, *_, values = table(page, ["slope"])
+    there = np.isfinite(force)
+    shown = float(values[head.index("slope [1/s]")])
+    assert shown == pytest.approx(np.polyfit(time[there], force[there], 1)[0], abs=0.05)
+    context.close()
 
 
 def test_an_axis_of_a_small_pane_has_three_ticks(seeds_page):

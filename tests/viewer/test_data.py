@@ -82,10 +82,11 @@ def test_values_between_samples():
 def test_moments_of_blocks_together():
     """Whole blocks and a rest, merged, are those of all samples; what is no number is left out."""
     y = np.random.default_rng(2).standard_normal(2 * BLOCK + 10) + 3.0
+    time = np.sort(np.random.default_rng(3).uniform(0.0, 9.0, len(y)))
     y[7], y[BLOCK + 1], y[-1] = np.nan, np.inf, -np.inf
-    parts = curve_data.moments(y)
+    parts = curve_data.moments(time, y)
     finite = y[np.isfinite(y)]
-    assert parts.shape == (3, 5)
+    assert parts.shape == (3, 8)
     assert parts[:, 0].tolist() == [BLOCK - 1, BLOCK - 1, 9]
     merged = curve_data.merge_moments(parts)
     assert merged == pytest.approx(
@@ -97,12 +98,15 @@ def test_moments_of_blocks_together():
             "low": finite.min(),
             "high": finite.max(),
             "peak_to_peak": np.ptp(finite),
+            "slope": np.polyfit(time[np.isfinite(y)], finite, 1)[0],
         }
     )
-    assert curve_data.merge_moments(curve_data.moments(np.full(3, np.nan))) == {"count": 0}
-    assert curve_data.moments(y[:BLOCK]).shape == (1, 5)
-    assert curve_data.moments_of_finite(np.array([np.nan])).tolist() == [0.0, 0.0, 0.0, np.inf, -np.inf]
-    assert curve_data.moments_of_finite(np.array([1.0, 3.0])).tolist() == [2.0, 2.0, 2.0, 1.0, 3.0]
+    assert curve_data.merge_moments(curve_data.moments(TIME[:3], np.full(3, np.nan))) == {"count": 0}
+    assert curve_data.moments(time[:BLOCK], y[:BLOCK]).shape == (1, 8)
+    nothing = [0.0, 0.0, 0.0, np.inf, -np.inf, 0.0, 0.0, 0.0]
+    assert curve_data.moments_of_finite(np.zeros(1), np.array([np.nan])).tolist() == nothing
+    pair = curve_data.moments_of_finite(np.array([0.0, 4.0]), np.array([1.0, 3.0]))
+    assert pair.tolist() == [2.0, 2.0, 2.0, 1.0, 3.0, 2.0, 8.0, 4.0]
 
 
 @pytest.fixture(scope="module")

@@ -118,7 +118,7 @@ def test_statistics_are_those_of_the_samples_in_the_window(opened):
     for name, reduce in expected.items():
         assert found[name] == pytest.approx(reduce(inside))
     assert found["rms"] == pytest.approx(np.sqrt(np.mean(inside**2)))
-    assert found["slope"] == pytest.approx((inside[-1] - inside[0]) / 0.25)
+    assert found["slope"] == pytest.approx(np.polyfit(time[(time >= 0.1) & (time <= 0.35)], inside, 1)[0])
     assert statistics(opened, ViewedCurve("tip.position", 0), (7.0, 8.0)) == {"count": 0}
 
 
@@ -132,6 +132,20 @@ def test_statistics_of_many_blocks_leave_out_what_is_no_number(tmp_path):
         inside = force[begin:end][np.isfinite(force[begin:end])]
         assert (found["count"], found["low"], found["high"]) == (len(inside), inside.min(), inside.max())
         assert (found["mean"], found["std"]) == (pytest.approx(inside.mean()), pytest.approx(inside.std(), rel=1e-9))
+        line = np.polyfit(time[begin:end][np.isfinite(force[begin:end])] - time[begin], inside - 1e6, 1)
+        assert found["slope"] == pytest.approx(line[0], rel=1e-6)
+
+
+def test_the_slope_is_that_of_the_line_whatever_the_phase_of_the_beat(tmp_path):
+    """At irregular times: 0.1 N/s below a beat of 2 N, which first and last sample would make ten times as steep."""
+    time = np.sort(np.random.default_rng(1).uniform(0.0, 10.25, 9000))
+    force = 0.1 * time + 2.0 * np.sin(2 * np.pi * time)
+    opened = runs(folder_of(tmp_path / "run", {("a", 1): (time, {"sensor.force": force})}, [FORCE]))
+    found = statistics(opened, ViewedCurve("sensor.force", 0), ALL)
+    assert found["slope"] == pytest.approx(np.polyfit(time, force, 1)[0])
+    assert found["slope"] == pytest.approx(0.1, abs=0.06)
+    assert statistics(opened, ViewedCurve("0 * sensor.force", 0), ALL)["slope"] == 0.0
+    assert statistics(opened, ViewedCurve("sensor.force", 0), (time[7], time[7]))["slope"] is None
 
 
 def test_points_of_many_samples_are_samples(tmp_path):

@@ -46,6 +46,30 @@ def test_signals_in_other_units_move_a_scene_in_si(tmp_path):
     np.testing.assert_allclose(found.values["tip.position"], 1e-3 * np.stack([time, 5 + time], 1))
 
 
+@pytest.mark.parametrize(
+    ("expect", "band"),
+    [
+        ("{signal: sensor.measured_force, within: [150 mN, 0.25 N]}", (0.15, 0.25)),
+        ("{signal: sensor.measured_force, within: [1 N, 2 N], variants: [other]}", None),
+        ("{signal: wall.force, within: [0.15 N, 0.25 N]}", None),
+        ("{signal: sensor.measured_force, at_most: 0.25 N}", None),
+        (", ".join(f"{{signal: sensor.measured_force, within: [0.1 N, {high} N]}}" for high in (0.2, 0.3)), None),
+    ],
+)
+def test_the_band_of_a_force_is_that_of_its_only_expectation(tmp_path, expect, band):
+    """Otherwise the picture does not say whether the force is in range: the report may say that it is not."""
+    time, names = np.arange(11) / 10.0, ("axis.position", "sensor.measured_force", "wall.force")
+    columns = [RecordedVariable(name, unit="N" if "force" in name else "m") for name in names]
+    place = folder_of(tmp_path / "run", {("base", 0): (time, dict.fromkeys(names, time))}, columns)
+    members = "{axis: {component: servomotor}, sensor: {component: force_sensor}, wall: {component: wall}}"
+    (place / "scenario.yaml").write_text(
+        f"stop_time: 1 s\nstep: 1 ms\nmembers: {members}\nvariants: {{base: {{}}, other: {{}}}}\nexpect: [{expect}]\n"
+    )
+    (view,) = Scenes(runs(place)).views(0)
+    assert [part["kind"] for part in view["parts"]] == ["carriage", "force", "wall"]
+    assert (view["is_judged"], view["band"]) == (band is not None, pytest.approx(band or (0.1, 0.4)))
+
+
 def test_targets_and_warnings_are_in_the_unit_of_the_values():
     variables = {"tip": {"x": variable("x", "output", "mm"), "t": variable("t", "output", "degC")}}
     targets = {"signal": "tip.x", "tolerance": 2.0, "points": {"there": [5.0]}}

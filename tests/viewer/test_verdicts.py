@@ -8,7 +8,8 @@ import pytest
 
 from tests.viewer.recorded import FORCE, PLACE, beats, folder_of, runs
 from twin.errors import TwinError
-from twin.results import EventLine, consecutive_spans
+from twin.results import EventLine, MetricResult, consecutive_spans, metric_formats
+from twin.results.recording.run_folder import metric_to_dict
 from twin.viewer import select_cases, select_signals
 from twin.viewer.page_data import about
 from twin.viewer.verdicts import Verdicts, merge_repeated
@@ -55,6 +56,19 @@ def test_events_have_names_and_a_joystick_is_one(opened):
         (0.0, "command.speed, 40 times until 1.17 s"),
         (5.0, "command.speed = 0"),
     ]
+
+
+def test_a_metric_has_the_digits_of_the_terminal(tmp_path):
+    """The summary has 15 digits: 0.234375 N - 0.2 N is 0.034375 N there, and 34.37499999999999 mN as it was computed."""
+    place = folder_of(tmp_path / "run", {("base", 0): (np.arange(2.0), {FORCE.name: np.zeros(2)})}, [FORCE])
+    metric = "{signal: sensor.force, reduce: max, unit: N}"
+    (place / "scenario.yaml").write_text(f"stop_time: 1 s\nmembers: {{}}\nmetrics: {{far: {metric}}}\n")
+    viewed = runs(place).runs[0]
+    definition = Verdicts(viewed).scenario.metrics["far"]
+    result = MetricResult(definition, "base", {0: 0.234375 - 0.2}, None)
+    viewed.summary["metrics"] = {"far": {"variants": {"base": metric_to_dict(result)}}}
+    (shown,) = Verdicts(viewed).metrics()
+    assert metric_formats([result])["far"].number(result.mean) == shown["rows"][0]["value"] == "34.38"
 
 
 def test_expectations_of_one_name_are_shaded_each_in_its_own_window(tmp_path):

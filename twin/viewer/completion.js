@@ -46,4 +46,5 @@ function completes(input) {
     mark();
   });
   input.addEventListener("blur", shut);
+  input.form.addEventListener("submit", shut);
 }

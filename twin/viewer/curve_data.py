@@ -137,8 +137,8 @@ def resample(samples: CurveSamples, part: slice) -> tuple[Array, Array]:
 def statistics(runs: RunCollection, curve: ViewedCurve, window: tuple[float, float]) -> dict[str, Any]:
     """Return statistics of the samples in a window, in the display unit; `count` alone if there are none.
 
-    `rate`: samples per second; `slope`: from the first to the last sample, per second. Moments of blocks are computed once, so
-    that any window of ten million samples takes milliseconds.
+    `rate`: samples per second; `slope`: of the least-squares line, per second, None at a single time. Moments of blocks are
+    computed once, so that any window of ten million samples takes milliseconds.
     """
     samples = runs.samples(curve)
     part = within(samples.time, window)
@@ -147,59 +147,63 @@ def statistics(runs: RunCollection, curve: ViewedCurve, window: tuple[float, flo
         return {"count": 0}
     numbers = (curve.case, *curve.seeds, *(() if curve.minus is None else (curve.minus,)))
     paths = (runs.run_of(runs.cases[number]).recording.path for number in numbers)  # each may be growing
-    blocks = runs.cache.get((*paths, curve, "moments"), lambda: (moments(samples.shown(samples.y)),))[0]
+    blocks = runs.cache.get((*paths, curve, "moments"), lambda: (moments(samples.time, samples.shown(samples.y)),))[0]
     first, last = -(-begin // BLOCK), end // BLOCK
     if first < last:
-        edges = [samples.y[begin : first * BLOCK], samples.y[last * BLOCK : end]]
-        parts = np.concatenate([blocks[first:last], *(moments(samples.shown(edge)) for edge in edges)])
+        edges = [slice(begin, first * BLOCK), slice(last * BLOCK, end)]
+        own = (moments(samples.time[edge], samples.shown(samples.y[edge])) for edge in edges)
+        parts = np.concatenate([blocks[first:last], *own])
     else:
-        parts = moments(samples.shown(samples.y[begin:end]))
+        parts = moments(samples.time[part], samples.shown(samples.y[part]))
     if not (total := merge_moments(parts))["count"]:
         return total
     span = float(samples.time[end - 1] - samples.time[begin])
-    change = float(np.diff(samples.shown(samples.y[[begin, end - 1]]))[0])
-    has_slope = span > 0 and np.isfinite(change)
-    return total | {
-        "unit": samples.unit,
-        "slope": change / span if has_slope else None,
-        "rate": (end - begin - 1) / span if span > 0 else None,
-    }
+    return total | {"unit": samples.unit, "rate": (end - begin - 1) / span if span > 0 else None}
 
 
-def moments(y: Array) -> Array:
-    """Return count, mean, sum of squared deviations, minimum and maximum of the finite values of each block, (blocks, 5)."""
+def moments(time: Array, y: Array) -> Array:
+    """Return the moments of each block, (blocks, 8); see `moments_of_finite`."""
     full = len(y) // BLOCK
-    blocks = y[: full * BLOCK].reshape(full, BLOCK)
+    blocks, times = (values[: full * BLOCK].reshape(full, BLOCK) for values in (y, time))
     finite = np.isfinite(blocks.min(axis=1)) & np.isfinite(blocks.max(axis=1))
-    table = np.empty((full, 5))
+    table = np.empty((full, 8))
     with np.errstate(invalid="ignore"):
-        table[:, 0], table[:, 1] = BLOCK, blocks.mean(axis=1)
+        table[:, 0], table[:, 1], table[:, 5] = BLOCK, blocks.mean(axis=1), times.mean(axis=1)
     for k in np.flatnonzero(finite):
-        deviations = blocks[k] - table[k, 1]
-        table[k, 2] = deviations @ deviations
+        deviations, delays = blocks[k] - table[k, 1], times[k] - table[k, 5]
+        table[k, 2], table[k, 6], table[k, 7] = deviations @ deviations, delays @ delays, delays @ deviations
     table[:, 3], table[:, 4] = blocks.min(axis=1), blocks.max(axis=1)
     for k in np.flatnonzero(~finite):
-        table[k] = moments_of_finite(blocks[k])
-    rest = y[full * BLOCK :]
-    return np.concatenate([table, moments_of_finite(rest)[None]]) if len(rest) else table
+        table[k] = moments_of_finite(times[k], blocks[k])
+    rest = slice(full * BLOCK, None)
+    return np.concatenate([table, moments_of_finite(time[rest], y[rest])[None]]) if len(y[rest]) else table
 
 
-def moments_of_finite(y: Array) -> Array:
-    """Return count, mean, sum of squared deviations, minimum and maximum of the finite values."""
-    y = y[np.isfinite(y)]
+def moments_of_finite(time: Array, y: Array) -> Array:
+    """Return the moments of the finite values.
+
+    Count, mean, sum of squared deviations, minimum, maximum; mean time, sum of its squared deviations, sum of products of both.
+    """
+    finite = np.isfinite(y)
+    time, y = time[finite], y[finite]
     if not len(y):
-        return np.array([0.0, 0.0, 0.0, np.inf, -np.inf])
-    return np.array([len(y), y.mean(), len(y) * y.var(), y.min(), y.max()])
+        return np.array([0.0, 0.0, 0.0, np.inf, -np.inf, 0.0, 0.0, 0.0])
+    mean, middle = y.mean(), time.mean()
+    delays = time - middle
+    return np.array([len(y), mean, len(y) * y.var(), y.min(), y.max(), middle, delays @ delays, delays @ (y - mean)])
 
 
 def merge_moments(parts: Array) -> dict[str, Any]:
     """Return the statistics of blocks together (Chan, Golub, LeVeque, The American Statistician 37, 1983)."""
-    number, means, squares, low, high = parts.T
+    number, means, squares, low, high, middles, spreads, products = parts.T
     if not (count := int(number.sum())):
         return {"count": 0}
     mean = float(number @ means) / count
     variance = float(squares.sum() + number @ np.square(means - mean)) / count
     lowest, highest = float(low.min()), float(high.max())
+    delays = middles - number @ middles / count
+    spread = float(spreads.sum() + number @ np.square(delays))
+    rise = float(products.sum() + (number * delays) @ (means - mean)) if highest > lowest else 0.0
     return {
         "count": count,
         "mean": mean,
@@ -208,6 +212,7 @@ def merge_moments(parts: Array) -> dict[str, Any]:
         "low": lowest,
         "high": highest,
         "peak_to_peak": highest - lowest,
+        "slope": rise / spread if spread > 0 else None,
     }
 
 

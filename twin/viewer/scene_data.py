@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import logging
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import prod
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
+    from twin.results import Expectation
     from twin.scenario import ScenarioSpec
     from twin.viewer.runs import OpenRun, RunCollection
 
@@ -48,6 +50,7 @@ class RecordedSystem:
     scenes: tuple[Mapping[str, Any], ...] = ()
     targets: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[Mapping[str, Any], ...] = ()
+    expectations: tuple[Expectation, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,8 @@ class Scenes:
         case = self.runs.cases[number]
         key = (case.run, case.variant)
         if key not in self._views:
-            self._views[key] = build_views(recorded_system(self.runs.run_of(case), case.key))
+            system = recorded_system(self.runs.run_of(case), case.key)
+            self._views[key] = [view | force_band(view["parts"], system.expectations) for view in build_views(system)]
         return self._views[key]
 
     def samples(self, number: int, window: tuple[float, float], instants: int = MAX_INSTANTS) -> SceneSamples:
@@ -110,10 +114,21 @@ def recorded_system(run: OpenRun, case: tuple[str, int]) -> RecordedSystem:
         return RecordedSystem({}, recorded)
     scenes = tuple(scene_data(scene) for scene in scenario.scenes)
     try:
-        return describe_system(run.scenario_file, case[0], recorded, scenes)
+        system = describe_system(run.scenario_file, case[0], recorded, scenes)
     except Exception as error:  # a component's module may raise anything
         logging.getLogger("twin").debug("viewer", exc_info=error)
-        return RecordedSystem({}, recorded, scenes)
+        system = RecordedSystem({}, recorded, scenes)
+    own = (one for one in scenario.expectations if not one.variants or case[0] in one.variants)
+    return replace(system, expectations=tuple(own))
+
+
+def force_band(parts: Sequence[Mapping[str, Any]], expectations: Sequence[Expectation]) -> dict[str, Any]:
+    """Return the band [N] of the displayed contact force from its only expectation; `is_judged` is False if there is not one."""
+    shown = {part["kind"]: part["signals"] for part in reversed(parts)}
+    signal = shown.get("force", {}).get("measured_force") or shown.get("wall", {}).get("force")
+    own = [one for one in expectations if one.signal is not None and ast.unparse(one.signal.tree) == signal]
+    bands = [(one.at_least, one.at_most) for one in own if None not in (one.at_least, one.at_most)]
+    return {"band": bands[0], "is_judged": True} if len(own) == len(bands) == 1 else {"is_judged": False}
 
 
 def describe_system(

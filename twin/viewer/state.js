@@ -12,25 +12,32 @@ const signals = new Map(about.signals.map((one) => [one.name, one]));
 const heads = new Map(); // of a signal: its units and how it is drawn, once it was read
 const DASHES = [[], [7, 3], [2, 2], [9, 3, 2, 3], [14, 4], [1, 4]];
 const OPACITIES = [1, 0.7, 0.5]; // of seeds
-const GROUPS = 6, FIRST_PLOTS = 2, FIRST_PANES = 4; // shown at first: variants, plots, panes
+const GROUPS = 6, FIRST_PLOTS = 2, FIRST_PANES = 4, CURVES = 6; // shown at first: variants, plots, panes, curves of several signals in a pane
 const PANES = 24, SAMPLES = 20e6; // at most: panes of an address; samples of seeds that are shown together
 const LATEST = 60; // shown at first of a rig that is followed [s]
 const find = (id) => document.getElementById(id);
 let state;
 
 function first() {
-  const firsts = groupsOf(about.cases.map((_, k) => k), true).slice(0, GROUPS), samples = firsts.flatMap(({ cases }) => cases).reduce((sum, k) => sum + about.cases[k].samples, 0);
+  const firsts = firstGroups(), samples = firsts.flatMap(({ cases }) => cases).reduce((sum, k) => sum + about.cases[k].samples, 0);
   const seeds = samples <= SAMPLES ? firsts.flatMap(({ cases }) => cases) : firsts.map(({ cases }) => cases[0]);
   const found = { panes: [], cases: about.shown.length ? about.shown : seeds, window: null, cursors: [], offsets: about.runs.map(() => 0), band: true, time: null, scene: null, span: about.following && about.growing ? LATEST : null };
   const failed = about.expectations.find((one) => one.verdict === "fail" && Object.keys(one.spans).length);
   if (about.following && about.embedded && about.plots.every((plot) => !plot.first || [...plot.signals, ...Object.values(plot.bands).flat()].every((name) => about.embedded.some((one) => one.signal === name)))) found.panes = firstPlots(1);
-  else if (about.shown_signals.length) found.panes = together(about.shown_signals);
+  else if (about.shown_signals.length) found.panes = together(about.shown_signals, groupsOf(found.cases, true).length);
   else if (failed) {
     found.panes = [pane([failed.signal], { variants: failed.variants.length ? failed.variants : undefined })];
     const bad = Object.keys(failed.spans).map(Number), shown = new Set(found.cases);
     if (!bad.some((k) => shown.has(k))) found.cases = [bad[0], ...found.cases];
   } else found.panes = firstPlots(new Set(found.cases.map((k) => about.cases[k].variant)).size);
   return found;
+}
+
+// of each run as many variants, the same ones if the runs have some in common
+function firstGroups() {
+  const groups = groupsOf(about.cases.map((_, k) => k), true), runs = [...about.runs.keys()].map((run) => groups.filter((group) => group.run === run));
+  const has = (own, variant) => own.some((group) => group.variant === variant), common = runs[0].filter(({ variant }) => runs.every((own) => has(own, variant)));
+  return runs.flatMap((own) => (common.length ? common.map(({ variant }) => own.find((group) => group.variant === variant)) : own).slice(0, Math.max(Math.floor(GROUPS / runs.length), 1)));
 }
 
 // the first plots that fit: one that is split into a pane for each variant counts as many
@@ -50,11 +57,11 @@ function firstPlots(variants) {
 const pane = (names, more = {}) => ({ kind: "time", items: names.map((signal) => ({ signal, minus: null })), facet: "", weights: [], ...more });
 const ofPlot = (plot) => pane(plot.signals, plot.x ? { kind: "xy", x: plot.x, plot: plot.title } : { plot: plot.title, range: plot.range || undefined, facet: plot.per_variant && plot.signals.length > 1 ? "variant" : "" });
 
-// signals of one unit in one pane
-function together(names) {
-  const panes = new Map();
+// signals of one unit in one pane, unless it had too many curves
+function together(names, groups) {
+  const panes = new Map(), count = (unit) => groups * names.filter((name) => unitOf(name) === unit).length;
   for (const name of names) {
-    const unit = unitOf(name) ?? name;
+    const own = unitOf(name), unit = own === undefined || (names.length <= PANES && count(own) > CURVES) ? name : own;
     if (!panes.has(unit)) panes.set(unit, pane([]));
     panes.get(unit).items.push({ signal: name, minus: null });
   }

@@ -60,7 +60,7 @@ function valueTable(lines, values, statistics) {
 // the rows of the curves of a pane, or of the panes into which it is split: each column has one precision
 function paneRows(entries, cursors, row) {
   const unit = entries.find((each) => each.unit)?.unit ?? entries[0].line.pane.unit, step = resolution(entries), [from, to] = summarized();
-  const columns = [...[...cursors, ...STATISTICS.map(([name]) => name)].map((name) => [name, step]), ["slope", (10 * step) / (to - from)], ["rate", 0]];
+  const columns = [...[...cursors, ...STATISTICS.map(([name]) => name)].map((name) => [name, step]), ["slope", step / (to - from)], ["rate", 0]];
   const texts = columns.map(([name, own]) => columnTexts(entries.map((each) => each[name]), own));
   entries.forEach(({ line, count, thinned }, k) => {
     if (line.pane !== entries[k - 1]?.line.pane) row([`${line.pane.title}${unit ? ` [${unit}]` : ""}`], "th").firstChild.colSpan = 4;

@@ -64,6 +64,21 @@ class Panes extends Chart {
     line.append(menu(one.place));
     return line;
   }
+
+  chip(curve, index) {
+    const chip = super.chip(curve, index);
+    curve.equality = chip.firstChild.appendChild(element("span", ""));
+    return chip;
+  }
+
+  // a difference that is zero in the visible window would otherwise look like a curve that is missing
+  values(one) {
+    super.values(one);
+    for (const { equality, item, name } of one.curves) {
+      const y = item.minus === null ? [] : [...(this.data[name]?.y ?? [])].filter((value) => !Number.isNaN(value)), text = y.length && y.every((value) => value === 0) ? "(equal)" : "";
+      if (equality.textContent !== text) equality.textContent = text;
+    }
+  }
 }
 
 function show() {
@@ -104,6 +119,7 @@ const windowOf = () => state.window || extentOf();
 
 function windowed() {
   const [from, to] = windowOf();
+  if (state.time !== null) state.time = Math.min(Math.max(state.time, from), to); // the picture is of the window, too
   find("clear").hidden = !state.cursors.length;
   find("from").value = +readableTime(from, from, to);
   find("to").value = +readableTime(to, from, to);

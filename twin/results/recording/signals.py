@@ -173,6 +173,6 @@ def format_value(
     factor, offset = si_conversion(symbol, is_difference)
     if abs(value - offset) <= ROUNDING_ERROR * max(scale, abs(offset)):
         value = offset
-    number = (value - offset) / factor
+    number = unit.round_trip((value - offset) / factor)  # as in the summary: no text differs by a rounding error
     text = f"{number:.{digits}g}" if decimals is None else f"{number:.{decimals}f}"
     return f"{text if float(text) else text.lstrip('-')} {unit.shown(symbol)}".rstrip()

@@ -31,8 +31,8 @@ export function placeText(text, [cx, cy], tall, taken, below = false) {
   return box;
 }
 
-// a force as a bar with its band
-export function force(svg, x, y, width, band, most = 0.6, label = "contact force") {
+// a force as a bar with its band; `isJudged`: whether a value is said to be in the band or above it
+export function force(svg, x, y, width, band, most = 0.6, label = "contact force", isJudged = true) {
   const at = (value) => x + (clamp(value, 0, most) / most) * width;
   make(svg, "rect", { x, y, width, height: 14, rx: 3, class: "track" });
   make(svg, "rect", { x: at(band[0]), y, width: at(band[1]) - at(band[0]), height: 14, class: "band" });
@@ -41,15 +41,15 @@ export function force(svg, x, y, width, band, most = 0.6, label = "contact force
   const right = x > 500; // its letters are larger on a narrow page, and must not leave the picture
   const text = make(svg, "text", { x: right ? x + width : x, y: y - 6, class: right ? "label end" : "label" }, label);
   return (value, name = label, more = "") => {
-    const inside = value >= band[0] && value <= band[1];
-    set(bar, { width: at(value) - x, class: `bar ${value > band[1] ? "bad" : inside ? "good" : ""}` });
-    say(text, `${name} ${value.toFixed(3)} N${value > band[1] ? ", too high" : inside ? ", in range" : ""}${more}`);
+    const above = isJudged && value > band[1], inside = isJudged && value >= band[0] && value <= band[1];
+    set(bar, { width: at(value) - x, class: `bar ${above ? "bad" : inside ? "good" : ""}` });
+    say(text, `${name} ${value.toFixed(3)} N${above ? ", too high" : inside ? ", in range" : ""}${more}`);
   };
 }
 
 // the contact force: measured where a sensor measures it, and the true one; returns (of) => void
-export function contactForce(svg, x, y, width, band, sensor, wallPart) {
-  const bar = force(svg, x, y, width, band);
+export function contactForce(svg, x, y, width, { band, is_judged: isJudged }, sensor, wallPart) {
+  const bar = force(svg, x, y, width, band, Math.max(0.6, +(1.5 * band[1]).toPrecision(2)), undefined, isJudged);
   return (of) => {
     const measured = of(sensor, "measured_force"), actual = of(wallPart, "force"), both = measured !== undefined && actual !== undefined;
     bar(measured ?? actual ?? 0, `${measured === undefined ? "true" : "measured"} contact force`, both ? `; true ${actual.toFixed(3)} N` : "");

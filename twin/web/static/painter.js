@@ -193,11 +193,11 @@ function drawStrip(chart, context, box) {
   }
 }
 
-// range of a logarithmic axis
+// range of a logarithmic axis, of six decades at most
 function decadeRange(curves) {
   let low = Infinity, high = 0;
   for (const { y } of curves) for (const value of y) { if (value > 0 && value < low) low = value; if (value > high) high = value; }
-  return high > 0 ? [Math.max(low, high * 1e-12) / 1.6, high * 1.6] : [0.1, 1];
+  return high > 0 ? [Math.max(low, high * 1e-6) / 1.6, high * 1.6] : [0.1, 1];
 }
 
 function ownExtent(curves) {

@@ -42,7 +42,7 @@ export function rig(place, view) {
   const inside = make(svg, "path", { d: guided ? SHEATH : "", class: "shaft", pathLength: 1000 });
   const front = wallPart && wall(svg, OUT, 990);
   const tip = make(svg, "path", { class: "shaft" }), end = make(svg, "circle", { r: 5, class: "tip", visibility: "hidden" });
-  const bar = (wallPart || one("force")) && contactForce(svg, 660, 34, 320, view.band, one("force"), wallPart);
+  const bar = (wallPart || one("force")) && contactForce(svg, 660, 34, 320, view, one("force"), wallPart);
   const dial = one("rotation") && rotation(svg, 960, bar ? 96 : 44);
   const state = make(svg, "text", { x: END - 20, y: 242, class: "small" });
   carriages.forEach((part) => part.raise());
