@@ -25,7 +25,7 @@ from twin.results import (
 )
 from twin.results.evaluation import expression
 from twin.results.evaluation.metrics import MetricResult
-from twin.run import report, report_curves, report_plots
+from twin.run import parameter_table, report, report_curves, report_plots
 from twin.run.conditions import add_occurrences, condition_notes, occurrences
 from twin.run.coupling_report import component_names, is_growing
 from twin.run.event_table import EventRow, event_rows
@@ -129,16 +129,16 @@ def test_occurrences_in_the_summary() -> None:
     ],
 )
 def test_parameters_in_their_display_unit(value: object, unit: str, display: str, text: str) -> None:
-    assert report.format_parameter(value, unit, display) == text
+    assert parameter_table.format_parameter(value, unit, display) == text
 
 
 def test_small_parameters_have_a_small_unit() -> None:
-    assert report.unit_for_size(1e-4, "m") == "mm"
-    assert report.unit_for_size([0.0, 0.02], "s") == "ms"
-    assert report.unit_for_size(0.5, "m") == "m"
-    assert report.unit_for_size(1e-4, "kg") == "kg"
-    assert report.unit_for_size("file.csv", "m") == "m"
-    assert report.unit_for_size(None, "m") == "m"
+    assert parameter_table.unit_for_size(1e-4, "m") == "mm"
+    assert parameter_table.unit_for_size([0.0, 0.02], "s") == "ms"
+    assert parameter_table.unit_for_size(0.5, "m") == "m"
+    assert parameter_table.unit_for_size(1e-4, "kg") == "kg"
+    assert parameter_table.unit_for_size("file.csv", "m") == "m"
+    assert parameter_table.unit_for_size(None, "m") == "m"
 
 
 def refinement(value: float | None, half: float | None, scale: float = 0.0, unit: str = "mN") -> StepRefinement:

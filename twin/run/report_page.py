@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from twin.results import Evaluation, Signals
     from twin.run.event_table import EventRow
-    from twin.run.report import ParameterRow
+    from twin.run.parameter_table import ParameterRow
     from twin.run.scenes import ReportScenes
 
 SECTIONS = {  # of report.html: titles in its table of contents
