@@ -344,9 +344,12 @@ def test_panes_of_a_plot() -> None:
     (panes,), _ = charts(3, band=(0.5, 1.0), lines=(2.0,))
     assert [pane["title"] for pane in panes] == ["v0", "v1", "v2"]
     assert [pane["unit"] for pane in panes] == ["mN"] * 3
-    assert (panes[0]["band"], panes[0]["lines"]) == ([500.0, 1000.0], [2000.0])
+    assert panes[0]["lines"] == [2000.0]
+    assert [pane["range"] for pane in panes] == [pytest.approx([-300.0, 5300.0])] * 3  # of all variants
+    assert "range" not in charts(3)[0][0][0]
     assert [pane["spans"] for pane in panes] == [[], [], [{"from": 2.0, "to": 2.0}]]
-    assert [pane["limits"] for pane in panes[::2]] == [[], [{"y": 4000.0, "from": 1.0, "to": 4.0, "failed": True}]]
+    assert [pane["limits"][2:] for pane in panes[::2]] == [[], [{"y": 4000.0, "from": 1.0, "to": 4.0, "failed": True}]]
+    assert panes[0]["limits"] == [{"y": y, "from": 0.0, "to": 4.0, "failed": False} for y in (500.0, 1000.0)]
     assert [len(chart) for chart in charts(6)[0]] == [6]
     assert [len(chart) for chart in charts(7)[0]] == [4, 3]
     assert [len(chart) for chart in charts(9)[0]] == [5, 4]

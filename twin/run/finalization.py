@@ -17,8 +17,6 @@ from twin.run.conditions import OCCURRENCES, condition_notes
 if TYPE_CHECKING:
     from twin.scenario import Case
 
-MAX_STRUCTURES = 3  # diagrams in a report, if variants differ
-
 
 def finalize_run(
     result: RunResult, cases: Sequence[Case], report: bool, hardware: Hardware | None, journal: Journal
@@ -100,7 +98,7 @@ def write_summary_and_report(
             scenes=scenes.report_scenes(result.scenario.scenes, result.tables),
             pictures=pictures,
             terminations=result.terminations,
-            structures=list(result.structures.items())[:MAX_STRUCTURES],
+            structures=list(result.structures.items()),
             refinements=[refinement.table_cells for refinement in result.refinements],
             expectations=result.scenario.expectations,
             folder=str(result.folder),
