@@ -208,7 +208,9 @@ def test_what_did_not_finish_is_left_out() -> None:
         (Expectation("", metric="m", at_most=1.06 * STD), "fail", f"m is {format_value(1.1 * STD, 'N')} in A, seed 1; expected at most {format_value(1.06 * STD, 'N')}. Broken in 1 of 6 runs: A (fails at seed 1; passes at 0)."),
         (Expectation("", signal=expression.parse("a.force"), at_least=0.1, at_most=0.3), "pass", "a.force was 0.145 N to 0.255 N"),
         (Expectation("", signal=expression.parse("a.force"), at_least=0.1, at_most=0.25), "fail",
-         "a.force is 0.255 N at 1.57 s in A, seed 1; expected from 0.1 N to 0.25 N."),
+         "a.force is 0.255 N at 1.57 s (first violation at 1.15 s) in A, seed 1; expected from 0.1 N to 0.25 N."),
+        (Expectation("", signal=expression.parse("a.force"), at_least=0.16, at_most=0.24), "fail",
+         "a.force is 0.15 N at 4.71 s and 0.25 N at 1.57 s (first violation at 0.93 s) in A, seed 0; expected from 0.16 N"),
         (Expectation("", signal=expression.parse("a.nothing"), at_least=0.1), "skipped", "a.nothing was not recorded"),
     ],
 )  # fmt: skip

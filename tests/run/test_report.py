@@ -20,9 +20,11 @@ from twin.coupling import MemberVariable
 from twin.results import Evaluation, Expectation, Metric, Plot, Signals, Window, evaluate, find_violations
 from twin.results.evaluation import expression
 from twin.results.recording import run_folder as results
-from twin.run import report, report_page
+from twin.run import parameter_table, report, report_page
 from twin.run.event_table import EventRow
 from twin.run.variant_matrix import build_matrix
+from twin.scenario import load_scenario
+from twin.scenario.resolution.variable_resolution import resolve_variables
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -195,7 +197,7 @@ class Tags(HTMLParser):
 def page(
     run: results.RunInfo, evaluation: Evaluation, cases: dict[tuple[str, int], Signals], plots: Sequence[Plot] = ()
 ) -> str:
-    rows = [report.ParameterRow("a", "k", "3", "N/m", "stiffness", "paper A", given=True, variants="PI")]
+    rows = [parameter_table.ParameterRow("a", "k", "3", "N/m", "stiffness", "paper A", given=True, variants="PI")]
     events = [EventRow(2 * 10**9, "set a.k = 4 N/m")]
     return report_page.report_html(
         results.build_summary(run, evaluation, cases), evaluation, cases, plots=plots, parameters=rows, events=events
@@ -262,8 +264,8 @@ def test_the_first_screen_answers() -> None:
 
 def test_parameters_that_a_scenario_sets_come_first() -> None:
     rows = [
-        report.ParameterRow("servo", "stroke", "80", "mm"),
-        report.ParameterRow("servo", "mass", "1", "kg", given=True),
+        parameter_table.ParameterRow("servo", "stroke", "80", "mm"),
+        parameter_table.ParameterRow("servo", "mass", "1", "kg", given=True),
     ]
     summary = results.build_summary(results.RunInfo("x"), Evaluation(), {}) | {"sentence": ""}
     html = report_page.report_html(summary, Evaluation(), {}, parameters=rows)
@@ -284,7 +286,7 @@ def test_every_parameter_has_its_value_its_source_and_the_variants_that_use_it()
         }
     }
     cases = [case("stiff", {"k": 4.0}), case("soft", {"grid[2]": 9.0, "seed": 5})]
-    rows = report.parameter_rows(cases, {"stiff": catalog, "soft": catalog}, {"wall.k": "paper A"})
+    rows = parameter_table.parameter_rows(cases, {"stiff": catalog, "soft": catalog}, "x.yaml")
     assert [(row.name, row.value, row.unit, row.given, row.variants) for row in rows] == [
         ("k", "4", "N/m", True, "stiff"),
         ("k", "2", "N/m", False, "soft"),
@@ -294,11 +296,15 @@ def test_every_parameter_has_its_value_its_source_and_the_variants_that_use_it()
         ("grid", "[0, 9, 2, … 6] (7)", "", True, "soft"),
         ("seed", "5", "", True, "soft"),
     ]
-    assert {(row.member, row.description, row.source) for row in rows[:2]} == {("wall", "stiffness", "paper A")}
-    assert report.format_parameter(np.arange(6), "", "") == "[0, 1, 2, 3, 4, 5]"
-    assert report.format_parameter(20.0, "degC", "K") == "293.15"
-    assert report.format_parameter(293.15, "K", "degC") == "20"
-    assert report.format_parameter(None, "", "") == ""
+    assert [(row.member, row.description, row.source) for row in rows[:2]] == [
+        ("wall", "stiffness", "set by the scenario; default 2 N/m: paper A"),
+        ("wall", "stiffness", "paper A"),
+    ]
+    assert rows[5].source == "set by set.yaml:4; default [0, 1, 2, … 6] (7)"
+    assert parameter_table.format_parameter(np.arange(6), "", "") == "[0, 1, 2, 3, 4, 5]"
+    assert parameter_table.format_parameter(20.0, "degC", "K") == "293.15"
+    assert parameter_table.format_parameter(293.15, "K", "degC") == "20"
+    assert parameter_table.format_parameter(None, "", "") == ""
 
 
 def variable(name: str, causality: str, unit: str = "", display: str = "", **more: Any) -> MemberVariable:
@@ -317,7 +323,26 @@ def case(variant: str, parameters: dict[str, Any]) -> Any:
         grid[[int(name[5]) - 1 for name in parameters if "[" in name]] = 9.0
         return {**plain, "grid": grid}
 
-    return SimpleNamespace(variant=variant, members={"wall": SimpleNamespace(parameters=parameters)}, values=values)
+    made = SimpleNamespace(variables=[SimpleNamespace(name="k", source="paper A")])
+    locations = {"k": "x.yaml:3", "grid[2]": "set.yaml:4"}
+    spec = SimpleNamespace(component="wall", made=made, parameters=parameters, locations=locations)
+    return SimpleNamespace(variant=variant, members={"wall": spec}, values=values)
+
+
+def test_a_value_that_a_group_or_an_option_sets_has_not_the_source_of_the_default() -> None:
+    """The group `contact_chain` sets the free length that it uses; seeds are no settings."""
+    scenario = load_scenario("scenarios/heart_wall_force.yaml", ["heart.rate=1.2 Hz"])
+    cases = scenario.cases(["PI"])
+    rows = parameter_table.parameter_rows(cases, resolve_variables(scenario)[0], str(scenario.path))
+    found = {(row.member, row.name): row for row in rows}
+    length, rate = found["estimate", "tracking.free_length"], found["heart", "rate"]
+    assert (length.value, length.unit, length.given) == ("63", "mm", True)
+    assert length.source == "set by heart_motion.yaml; default 20 mm: as guided_tip"
+    assert rate.source.startswith("set by `--set heart.rate=1.2 Hz`; default ")
+    assert found["tip", "free_length"].source.startswith(
+        "set by scenarios/instruments/fiber_catheter.yaml:3; default 20 mm: "
+    )
+    assert not found["estimate", "fiber.seed"].given
 
 
 @pytest.mark.slow

@@ -44,6 +44,15 @@ def test_the_first_sentence_of_a_description_stands_alone_and_code_is_marked() -
     assert report_page.mark_code("in `a<b>`") == "in <code>a&lt;b&gt;</code>"
 
 
+def test_all_structures_are_drawn_up_to_six(tmp_path) -> None:
+    structures = [((f"<svg id='s{number}'/>", ""), [f"v{number}"]) for number in range(8)]
+    text = written(tmp_path, structures=structures)
+    assert [f"<svg id='s{number}'/>" in text for number in range(8)] == [True] * 6 + [False] * 2
+    assert text.count("<details><summary>v") == 5  # the first one is open
+    assert "2 more differ: <code>twin graph x --variant NAME</code>" in text
+    assert "--variant NAME" not in written(tmp_path, structures=structures[:6])
+
+
 def test_points_of_a_page_are_limited() -> None:
     many = {(f"v{k}", 1): signals for k, signals in enumerate([tables()["PI", 1]] * 300)}
     assert report_curves.points_per_curve([PLOTS[0]], tables()) == report_curves.MAX_POINTS
@@ -89,14 +98,16 @@ def test_panes_hold_what_was_recorded_and_what_failed() -> None:
     )
     ((first, second),) = force.panels
     assert [first["title"], second["title"], first["unit"]] == ["PI", "PI+FF", "N"]
-    assert (first["band"], first["lines"]) == ([0.1, 0.4], [0.2])
+    assert first["lines"] == [0.2]
+    assert first["range"] == second["range"] == pytest.approx([0.091, 0.259], abs=1e-3)  # not up to 0.4
     inside = np.zeros(len(TIME), bool)
     for case in (("PI", 1), ("PI", 2)):
         value = tables()[case].values["a.force"]
         inside |= (value < 0.1) | (value > 0.22)
     shaded = np.any([(span["from"] <= TIME) & (span["to"] >= TIME) for span in first["spans"]], axis=0)
     np.testing.assert_array_equal(shaded, inside)
-    assert [limit["y"] for limit in first["limits"]] == pytest.approx([0.1, 0.22])
+    assert [limit["y"] for limit in first["limits"]] == pytest.approx([0.1, 0.4, 0.1, 0.22])
+    assert [limit["failed"] for limit in first["limits"]] == [False, False, True, True]
     assert set(first["curves"][0]) >= {"name", "low", "high"}
     assert force.marks == [{"at": 2.0, "text": "1"}]
     assert force.command == "twin view runs/x --signal a.force"
@@ -164,6 +175,7 @@ def test_charts_zoom_together_and_back(page) -> None:
 def test_paper_has_plots_in_light_and_a_phone_has_nothing_cut(page) -> None:
     page.emulate_media(color_scheme="dark")
     page.wait_for_function("document.body.classList.contains('body--dark')")
+    page.wait_for_function(f"{CHARTS}[0].colors.violation === 'rgba(255, 60, 50, .3)'")  # seen on a dark background
     page.evaluate(
         "addEventListener('beforeprint', () => { window.wasDark = document.body.classList.contains('body--dark'); })"
     )
@@ -177,6 +189,11 @@ def test_paper_has_plots_in_light_and_a_phone_has_nothing_cut(page) -> None:
     page.set_viewport_size({"width": 360, "height": 740})
     page.wait_for_function("document.documentElement.scrollWidth === 360")  # charts follow their size a moment later
     assert page.locator("nav").evaluate("(nav) => getComputedStyle(nav).position") == "sticky"
+    label, code, button = (
+        page.locator(f"#plot-1 .command > {tag}").bounding_box() for tag in ("span", "code", "button")
+    )
+    assert max(label["height"], button["height"]) < 30  # one line each, the command below
+    assert code["y"] >= button["y"] + button["height"] - 1
 
 
 @pytest.mark.slow

@@ -25,7 +25,7 @@ from twin.results import (
 )
 from twin.results.evaluation import expression
 from twin.results.evaluation.metrics import MetricResult
-from twin.run import report, report_curves, report_plots
+from twin.run import parameter_table, report, report_curves, report_plots
 from twin.run.conditions import add_occurrences, condition_notes, occurrences
 from twin.run.coupling_report import component_names, is_growing
 from twin.run.event_table import EventRow, event_rows
@@ -129,16 +129,16 @@ def test_occurrences_in_the_summary() -> None:
     ],
 )
 def test_parameters_in_their_display_unit(value: object, unit: str, display: str, text: str) -> None:
-    assert report.format_parameter(value, unit, display) == text
+    assert parameter_table.format_parameter(value, unit, display) == text
 
 
 def test_small_parameters_have_a_small_unit() -> None:
-    assert report.unit_for_size(1e-4, "m") == "mm"
-    assert report.unit_for_size([0.0, 0.02], "s") == "ms"
-    assert report.unit_for_size(0.5, "m") == "m"
-    assert report.unit_for_size(1e-4, "kg") == "kg"
-    assert report.unit_for_size("file.csv", "m") == "m"
-    assert report.unit_for_size(None, "m") == "m"
+    assert parameter_table.unit_for_size(1e-4, "m") == "mm"
+    assert parameter_table.unit_for_size([0.0, 0.02], "s") == "ms"
+    assert parameter_table.unit_for_size(0.5, "m") == "m"
+    assert parameter_table.unit_for_size(1e-4, "kg") == "kg"
+    assert parameter_table.unit_for_size("file.csv", "m") == "m"
+    assert parameter_table.unit_for_size(None, "m") == "m"
 
 
 def refinement(value: float | None, half: float | None, scale: float = 0.0, unit: str = "mN") -> StepRefinement:
@@ -344,9 +344,12 @@ def test_panes_of_a_plot() -> None:
     (panes,), _ = charts(3, band=(0.5, 1.0), lines=(2.0,))
     assert [pane["title"] for pane in panes] == ["v0", "v1", "v2"]
     assert [pane["unit"] for pane in panes] == ["mN"] * 3
-    assert (panes[0]["band"], panes[0]["lines"]) == ([500.0, 1000.0], [2000.0])
+    assert panes[0]["lines"] == [2000.0]
+    assert [pane["range"] for pane in panes] == [pytest.approx([-300.0, 5300.0])] * 3  # of all variants
+    assert "range" not in charts(3)[0][0][0]
     assert [pane["spans"] for pane in panes] == [[], [], [{"from": 2.0, "to": 2.0}]]
-    assert [pane["limits"] for pane in panes[::2]] == [[], [{"y": 4000.0, "from": 1.0, "to": 4.0, "failed": True}]]
+    assert [pane["limits"][2:] for pane in panes[::2]] == [[], [{"y": 4000.0, "from": 1.0, "to": 4.0, "failed": True}]]
+    assert panes[0]["limits"] == [{"y": y, "from": 0.0, "to": 4.0, "failed": False} for y in (500.0, 1000.0)]
     assert [len(chart) for chart in charts(6)[0]] == [6]
     assert [len(chart) for chart in charts(7)[0]] == [4, 3]
     assert [len(chart) for chart in charts(9)[0]] == [5, 4]

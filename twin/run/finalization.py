@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING
 
-from twin.component import catalog
 from twin.errors import SimulationError
 from twin.results import Journal, evaluate, fill_sentence, link_latest
 from twin.results import run_folder as results
@@ -17,8 +16,6 @@ from twin.run.conditions import OCCURRENCES, condition_notes
 
 if TYPE_CHECKING:
     from twin.scenario import Case
-
-MAX_STRUCTURES = 3  # diagrams in a report, if variants differ
 
 
 def finalize_run(
@@ -78,22 +75,6 @@ def write_signals(result: RunResult) -> None:
         temporary.unlink(missing_ok=True)
 
 
-def parameter_sources(cases: Iterable[Case]) -> dict[str, str]:
-    """Return the sources of the parameters' values, as their components declare them."""
-    sources = {}
-    for case in cases:
-        for name, spec in case.members.items():
-            if not spec.component.endswith(".fmu"):
-                sources.update(
-                    {
-                        f"{name}.{variable.name}": variable.source
-                        for variable in (spec.made or catalog.component(spec.component)).variables
-                        if variable.source
-                    }
-                )
-    return sources
-
-
 def write_summary_and_report(
     result: RunResult, cases: Sequence[Case], with_report: bool, pictures: Sequence[dict[str, str]] = ()
 ) -> None:
@@ -102,8 +83,9 @@ def write_summary_and_report(
     result.summary["sentence"] = fill_sentence(result.scenario.summary, result.evaluation.metric_results)
     results.write_summary(result.folder / "summary.json", result.summary)
     if with_report:
-        from twin.run import report, report_page, scenes
+        from twin.run import report_page, scenes
         from twin.run.event_table import event_rows
+        from twin.run.parameter_table import parameter_rows
 
         distinct = list({case.variant: case for case in cases}.values())
         text = report_page.report_html(
@@ -111,12 +93,12 @@ def write_summary_and_report(
             result.evaluation,
             result.tables,
             plots=result.scenario.plots,
-            parameters=report.parameter_rows(distinct, result.catalogs, parameter_sources(distinct)),
+            parameters=parameter_rows(distinct, result.catalogs, str(result.scenario.path)),
             events=event_rows(distinct, result.summary.get(OCCURRENCES, ())),
             scenes=scenes.report_scenes(result.scenario.scenes, result.tables),
             pictures=pictures,
             terminations=result.terminations,
-            structures=list(result.structures.items())[:MAX_STRUCTURES],
+            structures=list(result.structures.items()),
             refinements=[refinement.table_cells for refinement in result.refinements],
             expectations=result.scenario.expectations,
             folder=str(result.folder),

@@ -1,23 +1,16 @@
-"""Output of a run for users: the table in the terminal, and the rows of the tables in report.html."""
+"""Output of a run for users: the table in the terminal, and the rows of the tables of metrics in report.html."""
 
 from __future__ import annotations
 
-import re
 import textwrap
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from twin.results import (
     Evaluation,
     ExpectationResult,
     MetricResult,
-    common_format,
     list_names,
     metric_formats,
-    quote_names,
-    si_conversion,
 )
 
 if TYPE_CHECKING:
@@ -27,9 +20,7 @@ if TYPE_CHECKING:
     from rich.table import Table
     from rich.text import Text
 
-    from twin.coupling import Catalog
     from twin.results import MetricFormat
-    from twin.scenario import Case
 
 UNLIMITED = 10_000  # columns
 
@@ -43,20 +34,6 @@ VERDICTS = {  # text in the table, color in the terminal
     "skipped": ("skipped", "dim"),
     "unjudged": ("note", "yellow"),
 }
-
-
-@dataclass(frozen=True)
-class ParameterRow:
-    """Parameter in the report. `given`: set by the scenario; `variants`: where, if not in all."""
-
-    member: str
-    name: str
-    value: str
-    unit: str = ""
-    description: str = ""
-    source: str = ""
-    given: bool = False
-    variants: str = ""
 
 
 def metric_rows(results: Sequence[MetricResult]) -> list[dict[str, str]]:
@@ -322,65 +299,3 @@ class MetricTable:
 def has_own_name(result: ExpectationResult) -> bool:
     """Whether an expectation has a name that its detail does not repeat."""
     return not result.name.startswith(result.detail.partition(" ")[0].rstrip(":"))
-
-
-def parameter_rows(
-    cases: Sequence[Case], catalogs: Mapping[str, Catalog], sources: Mapping[str, str] | None = None
-) -> list[ParameterRow]:
-    """List every parameter of every variant, equal ones once. `sources`: member.parameter -> source of its value."""
-    variants_of: dict[tuple[str, str], dict[tuple[str, str, bool], list[str]]] = {}
-    descriptions: dict[tuple[str, str], str] = {}
-    for case in cases:
-        for member, variables in catalogs[case.variant].items():
-            values = case.values(member, variables)
-            for name, variable in variables.items():
-                if variable.causality not in ("parameter", "structuralParameter"):
-                    continue
-                given = any(key.partition("[")[0] == name for key in case.members[member].parameters)
-                if name == "seed" and not given:
-                    continue  # differs in every run
-                value = values.get(name, variable.start)
-                unit = variable.display_unit or unit_for_size(value, variable.unit)
-                text = format_parameter(value, variable.unit, unit)
-                variants_of.setdefault((member, name), {}).setdefault((text, unit, given), []).append(case.variant)
-                descriptions[member, name] = variable.description
-    count = len({case.variant for case in cases})
-    return [
-        ParameterRow(
-            member,
-            name,
-            text,
-            unit,
-            descriptions[member, name],
-            (sources or {}).get(f"{member}.{name}", ""),
-            given,
-            "" if len(variants) == count else ", ".join(quote_names(variants)),
-        )
-        for (member, name), texts in variants_of.items()
-        for (text, unit, given), variants in texts.items()
-    ]
-
-
-def unit_for_size(value: Any, unit: str) -> str:
-    """Return the unit in which a parameter is shown: a smaller one such as mm for small values [SI]."""
-    array = np.asarray(value)
-    return common_format(array.ravel().tolist(), unit).unit if array.dtype.kind == "f" else unit
-
-
-def format_parameter(value: Any, unit: str, display: str) -> str:
-    """Format a value in its display unit, long arrays shortened; conversion adds no digits: 573 deg/s for 10 rad/s."""
-    if value is None:
-        return ""
-    array = np.asarray(value)
-    if array.dtype.kind == "f" and display != unit:
-        (factor, offset), (shown_factor, shown_offset) = si_conversion(unit), si_conversion(display)
-        array = (array * factor + offset - shown_offset) / shown_factor
-    texts = [f"{item:.6g}" if isinstance(item, float) else str(item) for item in array.ravel().tolist()]
-    if display != unit:
-        texts = [
-            f"{float(text):.4g}" if re.fullmatch(r"-?(0\.0*\d{6}|(?=.{7}$)\d{1,3}\.\d+)", text) else text
-            for text in texts
-        ]
-    if array.ndim == 0:
-        return texts[0]
-    return f"[{', '.join(texts)}]" if len(texts) <= 6 else f"[{', '.join(texts[:3])}, … {texts[-1]}] ({len(texts)})"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +26,7 @@ MAX_POINTS = 4000  # of a curve: a screen has about 1000 pixels for it, so it ca
 MIN_POINTS = 400  # of a curve, however many there are
 MAX_VALUES = 250_000  # of all curves of a report: about 1 MB
 MAX_PANES = 6  # below each other
+MARGIN = 0.06  # of a range
 DASHES: tuple[list[int], ...] = ([], [6, 3], [2, 2], [8, 3, 2, 3])  # of `plotting.LINE_STYLES`
 
 
@@ -51,7 +52,11 @@ def plot_charts(plot: Plot, tables: Tables, violations: Sequence[Violation], arr
     if plot.points:
         return []
     panels = plotting.plot_panels(plot, tables)
-    panes = [PaneBuilder(plot, names, tables, violations, arrays, points).build(len(panels) > 1) for names in panels]
+    builders = [PaneBuilder(plot, names, tables, violations, arrays, points) for names in panels]
+    panes = [builder.build(len(panels) > 1) for builder in builders]
+    if plot.band and not plotting.is_loop_plot(plot):
+        shared = shared_range([value for builder in builders for value in builder.extremes], panes)
+        panes = [pane | shared for pane in panes]
     if plotting.is_loop_plot(plot):
         return [[pane] for pane in panes]
     half = len(panes) if len(panes) <= MAX_PANES else -(-len(panes) // 2)
@@ -68,6 +73,7 @@ class PaneBuilder:
     violations: Sequence[Violation]
     arrays: PackedArrays
     points: int
+    extremes: list[float] = field(default_factory=list)  # smallest and largest value of each curve [unit of the axis]
 
     def build(self, is_titled: bool) -> dict[str, Any]:
         """Return the pane."""
@@ -98,7 +104,6 @@ class PaneBuilder:
         convert = self.to_axis
         return {
             **pane,
-            "band": [convert(edge) for edge in plot.band] if plot.band else None,
             "lines": [convert(value) for value in plot.lines],
             "spans": [{"from": begin, "to": end} for begin, end in sorted(set(spans))],
             "limits": self.limits(selected),
@@ -120,6 +125,7 @@ class PaneBuilder:
         label, color, style = plotting.curve_style(plot, self.names, variant, number)
         time = recorded[0][0]
         in_unit = [plotting.to_unit(y, plot.unit, dimension.is_difference(curve.signal)) for _, y in recorded]
+        self.extremes += [float(bound) for y in in_unit for bound in (np.fmin.reduce(y), np.fmax.reduce(y))]
         entry: dict[str, Any] = {"label": label, "color": color, "dash": DASHES[style]}
         if curve.x is not None:
             x = plotting.to_unit(time, plot.x_unit, dimension.is_difference(curve.x))
@@ -151,10 +157,11 @@ class PaneBuilder:
                 yield from consecutive_spans(time, violation.violating_samples(case, time, value))
 
     def limits(self, selected: Tables) -> list[dict[str, Any]]:
-        """Return the limits of violated expectations over their windows."""
+        """Return the edges of the band, and the limits of violated expectations over their windows."""
         first = min(float(signals.time[0]) for signals in selected.values())
         last = max(float(signals.time[-1]) for signals in selected.values())
-        return [
+        edges = [{"y": self.to_axis(edge), "from": first, "to": last, "failed": False} for edge in self.plot.band or ()]
+        return edges + [
             {
                 "y": self.to_axis(limit),
                 "from": first if violation.window.start_ns is None else clock.seconds(violation.window.start_ns),
@@ -166,6 +173,19 @@ class PaneBuilder:
             and any(violation.concerns(curve.signal) for curve in self.plot.curves)
             for limit in violation.limits
         ]
+
+
+def shared_range(extremes: Sequence[float], panes: Sequence[Mapping[str, Any]]) -> dict[str, list[float]]:
+    """Return `range`, one axis for the panes of variants: their curves, lines and the violated limits near them, with a margin.
+
+    The edges of a band do not count, since a wide band would flatten the curves. Empty without a finite range.
+    """
+    values = [value for value in extremes if np.isfinite(value)] + [line for pane in panes for line in pane["lines"]]
+    low, high = min(values, default=0.0), max(values, default=0.0)
+    limits = [limit["y"] for pane in panes for limit in pane["limits"] if limit["failed"]]
+    values += [limit for limit in limits if 2 * low - high < limit < 2 * high - low]
+    margin = MARGIN * (max(values, default=0.0) - min(values, default=0.0))
+    return {"range": [min(values) - margin, max(values) + margin]} if margin else {}
 
 
 def seed_area(time: NDArray[Any], seeds: Sequence[Points], points: int) -> tuple[Points, Points]:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from twin.results import Evaluation, Signals
     from twin.run.event_table import EventRow
-    from twin.run.report import ParameterRow
+    from twin.run.parameter_table import ParameterRow
     from twin.run.scenes import ReportScenes
 
 SECTIONS = {  # of report.html: titles in its table of contents
@@ -36,10 +36,11 @@ SECTIONS = {  # of report.html: titles in its table of contents
     "parameters": "Parameters",
     "versions": "Versions",
 }
+MAX_STRUCTURES = 6  # diagrams, if variants differ
 RULE = (
     "Pointer: values, and the time of the scene. Click: cursor A, then B. Shift-drag: move. Ctrl and wheel: zoom at the pointer. "
     "Click a name: dim its curve. Lines: the smallest and the largest value of each of {parts:,} parts of the recording, rounded to "
-    "1/65,536 of their range. Light areas: all seeds. The commands below the plots show all samples."
+    "1/65,536 of their range. The commands below the plots show all samples."
 )
 
 
@@ -143,7 +144,8 @@ def report_html(
             has_reference=any(result.paper is not None for result in evaluation.metric_results),
             variants=list(dict.fromkeys(variant for variant, _ in tables)),
             seeds=list(dict.fromkeys(seed for _, seed in tables)),
-            structures=titled_structures(structures),
+            structures=titled_structures(structures[:MAX_STRUCTURES]),
+            more_structures=len(structures[MAX_STRUCTURES:]),
             refinements=refinements,
             matrix=build_matrix(evaluation, violations),
             titles=SECTIONS,

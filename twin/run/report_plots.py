@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlencode
 
 from twin import clock
-from twin.results import Plot, PlotCurve, plotting
+from twin.results import Plot, PlotCurve, join_numbers, list_names, plotting
 from twin.run import report_curves
 
 if TYPE_CHECKING:
@@ -133,16 +133,22 @@ def plot_note(plot: Plot, tables: Tables, shown_violations: Sequence[Violation])
     """Describe the annotations of a plot."""
     parts = []
     if plot.band:
-        parts.append(f"band: {' to '.join(plot.shown(value) for value in plot.band)}")
+        edges = " to ".join(plot.shown(value) for value in plot.band)
+        parts.append(f"band: {edges}, its edges as lines where they are in view")
     if plot.lines:
         parts.append("dashed: " + ", ".join(plot.shown(value) for value in plot.lines))
     seeds = list(dict.fromkeys(seed for _, seed in tables))
     if len(seeds) > 1:
+        names = f"{'seeds' if len(seeds) > 2 else 'seed'} {join_numbers(seeds[1:])}"
+        all_names = f"seeds {join_numbers(seeds)}"
+        is_first_only = plotting.is_loop_plot(plot) and not plot.points
         parts.append(
-            f"bold: seed {seeds[0]}; faint: {'seed' if len(seeds) == 2 else 'seeds'} {', '.join(map(str, seeds[1:]))}"
+            f"seed {seeds[0]}; light, on paper only: {names}"
+            if is_first_only
+            else f"line: seed {seeds[0]}; light: {all_names}"
         )
     if shown_violations:
-        parts.append("red: violates " + "; violates ".join(item.text for item in shown_violations))
+        parts.append("red: " + "; ".join(violation_note(violation, plot) for violation in shown_violations))
     missing = (
         len(shown_violations[0].variants) - MAX_PANELS
         if shown_violations and plot.title == f"Failed: {shown_violations[0].name}"
@@ -151,3 +157,10 @@ def plot_note(plot: Plot, tables: Tables, shown_violations: Sequence[Violation])
     if missing > 0:
         parts.append(f"and {missing} more variants, not drawn")
     return "; ".join(parts)
+
+
+def violation_note(violation: Violation, plot: Plot) -> str:
+    """Return what is violated and in which variants of the plot: `violates safe: a.force at most 1 N, in PI`."""
+    name = "" if violation.text.startswith(violation.name) else f"{violation.name}: "
+    variants = [variant for variant in violation.variants if not plot.variants or variant in plot.variants]
+    return f"violates {name}{violation.text}, in {list_names(variants)}"

@@ -24,7 +24,7 @@ from twin.results.evaluation.coverage import (
 )
 from twin.results.evaluation.hardware_termination import HardwareTermination, check_termination
 from twin.results.evaluation.ordering import check_order, list_failed_variants
-from twin.results.evaluation.reduction import reduce_samples
+from twin.results.evaluation.reduction import is_outside, reduce_samples
 from twin.results.recording.signals import FULL_RUN, Signals, Window, format_value
 
 if TYPE_CHECKING:
@@ -132,6 +132,18 @@ class Plot:
     def shown(self, value: float) -> str:
         """Format a value on the axis."""
         return format_value(value, self.unit, is_difference=self.is_difference)
+
+
+@dataclass(frozen=True)
+class CaseRange:
+    """Smallest and largest value of a case [SI], their times and that of the first violation [s]; no times for a metric."""
+
+    case: str
+    low: float
+    high: float
+    low_time: float | None = None
+    high_time: float | None = None
+    first_violation: float | None = None
 
 
 @dataclass(frozen=True)
@@ -280,7 +292,7 @@ def check_expectation(
     results = {result.variant: result for result in metric_results if result.metric.name == expectation.metric}
     if expectation.ordered:
         return ExpectationResult(*check_order(expectation, results))
-    ranges: list[tuple[str, float, float, str]] = []  # case, lowest and highest value, when the worse one was
+    ranges: list[CaseRange] = []
     scale = max((result.scale for result in results.values()), default=0.0)
     for (variant, seed), signals in tables.items():
         if expectation.variants and variant not in expectation.variants:
@@ -289,27 +301,32 @@ def check_expectation(
         if expectation.signal is None:
             value = results[variant].values.get(seed) if variant in results else None
             if variant in results:
-                ranges.append((case, *((np.nan, np.nan) if value is None else (value, value)), ""))
+                ranges.append(CaseRange(case, *[np.nan if value is None else value] * 2))
         elif signals.has(expectation.signal):
-            extremes = list(map(extreme_samples, signals.evaluate_parts(expectation.signal, expectation.window)))
+            extremes = [
+                extreme_samples(part, expectation)
+                for part in signals.evaluate_parts(expectation.signal, expectation.window)
+            ]
             if not any(map(len, extremes)):
                 return no_samples_result(expectation, case, not extremes)
             scale = max(scale, signals.scale(expectation.signal))
             times, values = np.concatenate(extremes).T
             low, high = int(np.argmin(values)), int(np.argmax(values))
-            is_low = expectation.at_least is not None and not values[low] >= expectation.at_least
-            worse = low if is_low or not np.isfinite(values[low]) else high
-            ranges.append((case, values[low], values[high], f" at {times[worse]:.6g} s"))
+            outside = times[is_outside(values, expectation.at_least, expectation.at_most)]
+            ranges.append(
+                CaseRange(case, values[low], values[high], times[low], times[high], min(outside, default=None))
+            )
     if expectation.mean and ranges:
-        mean = float(np.mean([row[1] for row in ranges]))
-        ranges = [(f"the mean of {len(ranges)} runs", mean, mean, "")]
+        mean = float(np.mean([row.low for row in ranges]))
+        ranges = [CaseRange(f"the mean of {len(ranges)} runs", mean, mean)]
     return check_limits(expectation, ranges, scale)
 
 
-def extreme_samples(samples: tuple[Any, Any]) -> np.ndarray[Any, Any]:
-    """Return time and value of the smallest and of the largest sample, (2, 2); (0, 2) without samples."""
+def extreme_samples(samples: tuple[Any, Any], expectation: Expectation) -> np.ndarray[Any, Any]:
+    """Return time and value of the smallest, the largest and the first violating sample, (2 or 3, 2); (0, 2) without samples."""
     time, value = samples
-    indices = [int(np.argmin(value)), int(np.argmax(value))] if len(value) else []
+    violating = np.flatnonzero(is_outside(value, expectation.at_least, expectation.at_most))
+    indices = [int(np.argmin(value)), int(np.argmax(value)), *violating[:1]] if len(value) else []
     return np.stack([time[indices], np.asarray(value, np.float64)[indices]], axis=1)
 
 
@@ -333,33 +350,46 @@ def no_samples_result(expectation: Expectation, case: str, is_array: bool) -> Ex
     return ExpectationResult(name, "fail", f"{what} {reason} in {case}; expected {expected}. {advice}")
 
 
-def check_limits(
-    expectation: Expectation, ranges: list[tuple[str, float, float, str]], scale: float = 0.0
-) -> ExpectationResult:
+def check_limits(expectation: Expectation, ranges: list[CaseRange], scale: float = 0.0) -> ExpectationResult:
     """Check the limits for every case; the detail names the first violation. `scale`: as in `format_value`."""
     what, expected, name = describe_limits(expectation)
     if not ranges:
         of_variants = f" of {list_names(expectation.variants, 'or')}" if expectation.variants else ""
         return ExpectationResult(name, "skipped", f"{what} was not recorded in a complete run{of_variants}.")
-    violations = []
-    for case, low, high, when in ranges:
-        is_below = (expectation.at_least is not None and not low >= expectation.at_least) or not np.isfinite(low)
-        if is_below or not np.isfinite(high) or (expectation.at_most is not None and not high <= expectation.at_most):
-            violations.append((case, expectation.shown(low if is_below else high, scale), when))
+    violations = {row.case: text for row in ranges if (text := describe_violation(expectation, row, scale))}
     if violations:
-        case, value, when = violations[0]
+        case, text = next(iter(violations.items()))
         cases = (
-            f" Broken in {len(violations)} of {len(ranges)} runs" + f": {list_failed_variants(violations, ranges)}."
+            f" Broken in {len(violations)} of {len(ranges)} runs"
+            f": {list_failed_variants(violations, [row.case for row in ranges])}."
             if len(ranges) > 1
             else ""
         )
-        return ExpectationResult(name, "fail", f"{what} is {value}{when} in {case}; expected {expected}.{cases}")
+        return ExpectationResult(name, "fail", f"{what} is {text} in {case}; expected {expected}.{cases}")
     span = " to ".join(
         dict.fromkeys(
             (
-                expectation.shown(min(row[1] for row in ranges), scale),
-                expectation.shown(max(row[2] for row in ranges), scale),
+                expectation.shown(min(row.low for row in ranges), scale),
+                expectation.shown(max(row.high for row in ranges), scale),
             )
         )
     )
     return ExpectationResult(name, "pass", f"{what} was {span}; expected {expected}.")
+
+
+def describe_violation(expectation: Expectation, row: CaseRange, scale: float) -> str:
+    """Return the values that break a limit and their times: `0.14 N at 21 s (first violation at 12 s)`; empty if none does."""
+    limits = expectation.at_least, expectation.at_most
+    samples = [
+        (value, time)
+        for value, time, (low, high) in (
+            (row.low, row.low_time, (limits[0], None)),
+            (row.high, row.high_time, (None, limits[1])),
+        )
+        if is_outside(value, low, high)
+    ]
+    texts = [expectation.shown(value, scale) + ("" if time is None else f" at {time:.6g} s") for value, time in samples]
+    times = [time for _, time in samples if time is not None]
+    is_later = bool(times) and row.first_violation is not None and row.first_violation < min(times)
+    first = f" (first violation at {row.first_violation:.6g} s)" if is_later else ""
+    return " and ".join(dict.fromkeys(texts)) + first

@@ -12,7 +12,7 @@ from twin.results.evaluation.metric_format import MetricFormat, metric_format
 from twin.results.recording.signals import format_value
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from twin.results.evaluation.metrics import Expectation, MetricResult
 
@@ -92,11 +92,10 @@ def format_seeds(seeds: list[int], broken: list[int]) -> str:
     return f"It holds at seed{'s' * (len(passing) > 1)} {', '.join(passing)}, not at {', '.join(failing)}."
 
 
-def list_failed_variants(violations: list[tuple[str, str, str]], ranges: list[tuple[str, float, float, str]]) -> str:
+def list_failed_variants(fails: Mapping[str, str], cases: Iterable[str]) -> str:
     """List the variants that fail, with their failing and passing seeds if there are several."""
     seeds: dict[str, dict[str, bool]] = {}  # variant -> seed -> whether it fails
-    fails = {case for case, _, _ in violations}
-    for case, *_ in ranges:
+    for case in cases:
         variant, _, seed = case.rpartition(", seed ")
         seeds.setdefault(variant, {})[seed] = case in fails
     parts = []

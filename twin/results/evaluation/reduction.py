@@ -82,3 +82,13 @@ def reduce_samples(reduce: str, parts: Iterable[Array]) -> float:
         if only_part is not None:
             return float(REDUCTIONS[reduce](only_part))
         return np.nan if moments is None else float(MOMENT_REDUCTIONS[reduce](moments))
+
+
+def is_outside(value: Any, low: float | None, high: float | None) -> Any:
+    """Return a mask of values outside of the limits; NaN and infinity are outside."""
+    mask = ~np.isfinite(value)
+    if low is not None:
+        mask = mask | (value < low)
+    if high is not None:
+        mask = mask | (value > high)
+    return mask

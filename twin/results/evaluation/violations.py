@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.results.evaluation.metrics import Evaluation, Expectation, Metric, MetricResult, Plot, describe_limits
+from twin.results.evaluation.reduction import is_outside
 from twin.results.recording.signals import Signals, Window, window_mask
 
 if TYPE_CHECKING:
@@ -84,16 +85,6 @@ class Violation:
                     if self.over_time or self.violating_samples(case, time, value).any():
                         return True
         return False
-
-
-def is_outside(value: Any, low: float | None, high: float | None) -> Any:
-    """Return a mask of values outside of the limits; NaN and infinity are outside."""
-    mask = ~np.isfinite(value)
-    if low is not None:
-        mask = mask | (value < low)
-    if high is not None:
-        mask = mask | (value > high)
-    return mask
 
 
 def consecutive_spans(time: Any, mask: Any) -> list[tuple[float, float]]:

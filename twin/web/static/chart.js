@@ -177,7 +177,7 @@ export class Chart {
 
   style() {
     const of = getComputedStyle(this.element), color = (name) => of.getPropertyValue(name).trim();
-    this.colors = { text: color("--soft"), grid: color("--grid"), band: color("--band"), fail: color("--fail"), ink: color("--ink"),
+    this.colors = { text: color("--soft"), grid: color("--grid"), band: color("--band"), fail: color("--fail"), violation: color("--violation"), ink: color("--ink"),
                     accent: color("--accent"), lines: [...Array(8).keys()].map((k) => color(`--line-${k}`)) };
   }
 

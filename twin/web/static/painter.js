@@ -88,10 +88,9 @@ function drawPane(chart, context, pane, box, last) {
 function drawFrame(chart, context, pane, box, last) {
   const { colors } = chart, width = chart.width - LEFT - RIGHT, bottom = box.top + box.height;
   if (!pane.own) for (const one of pane.spans || []) {
-    context.fillStyle = colors.fail; context.globalAlpha = 0.13;
+    context.fillStyle = colors.violation;
     const a = Math.max(box.across(one.from), LEFT), b = Math.min(box.across(one.to), LEFT + width);
     if (one.to >= box.from && one.from <= box.to) context.fillRect(a, box.top, Math.max(b - a, 2), box.height);
-    context.globalAlpha = 1;
   }
   if (pane.band) {
     context.fillStyle = colors.band;

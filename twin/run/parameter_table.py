@@ -1,0 +1,133 @@
+"""Parameters of a run, for the report: values, and where they come from."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.component import catalog
+from twin.results import common_format, quote_names, si_conversion
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from twin.coupling import Catalog, MemberVariable
+    from twin.scenario import Case, MemberSpec
+
+
+@dataclass(frozen=True)
+class ParameterRow:
+    """Parameter in the report. `given`: not a component's default; `variants`: where, if not in all."""
+
+    member: str
+    name: str
+    value: str
+    unit: str = ""
+    description: str = ""
+    source: str = ""
+    given: bool = False
+    variants: str = ""
+
+
+def parameter_rows(
+    cases: Sequence[Case], catalogs: Mapping[str, Catalog], scenario_file: str = ""
+) -> list[ParameterRow]:
+    """List every parameter of every variant, equal ones once. `scenario_file`: as in locations; other files are named."""
+    variants_of: dict[tuple[str, str], dict[tuple[str, str, str, bool], list[str]]] = {}
+    descriptions: dict[tuple[str, str], str] = {}
+    for case in cases:
+        for member, variables in catalogs[case.variant].items():
+            spec, values = case.members[member], case.values(member, variables)
+            group_values, sources = getattr(spec.made, "starts", {}), declared_sources(spec)
+            for name, variable in variables.items():
+                if variable.causality not in ("parameter", "structuralParameter"):
+                    continue
+                setter = find_setter(spec, name, scenario_file)
+                if name == "seed" and not setter:
+                    continue  # differs in every run
+                value = values.get(name, group_values.get(name, variable.start))
+                if name not in values and not is_default(value, variable):
+                    setter = Path(spec.component.partition("#")[0]).name
+                source = sources.get(name, "")
+                if setter:
+                    default = " ".join(shown_value(variable.start, variable)).rstrip()
+                    parts = [f"default {default}"] * bool(default) + [source] * bool(source)
+                    source = "; ".join([f"set by {setter}", *[": ".join(parts)] * bool(parts)])
+                key = (*shown_value(value, variable), source, bool(setter))
+                variants_of.setdefault((member, name), {}).setdefault(key, []).append(case.variant)
+                descriptions[member, name] = variable.description
+    count = len({case.variant for case in cases})
+    return [
+        ParameterRow(
+            member,
+            name,
+            text,
+            unit,
+            descriptions[member, name],
+            source,
+            given,
+            "" if len(variants) == count else ", ".join(quote_names(variants)),
+        )
+        for (member, name), texts in variants_of.items()
+        for (text, unit, source, given), variants in texts.items()
+    ]
+
+
+def declared_sources(spec: MemberSpec) -> dict[str, str]:
+    """Return the sources of the defaults of a member's parameters, as its component declares them."""
+    if spec.component.endswith(".fmu"):
+        return {}
+    return {variable.name: variable.source for variable in (spec.made or catalog.component(spec.component)).variables}
+
+
+def find_setter(spec: MemberSpec, name: str, scenario_file: str) -> str:
+    """Return what sets a parameter or an element of it: the scenario, an option, or file:line; empty for a default."""
+    key = next((key for key in spec.parameters if key.partition("[")[0] == name), None)
+    if key is None:
+        return ""
+    location = spec.locations.get(key, "")
+    if location.startswith("--"):
+        return f"`{location}`"
+    return "the scenario" if location.rpartition(":")[0] in ("", scenario_file) else location
+
+
+def is_default(value: Any, variable: MemberVariable) -> bool:
+    """Whether a value is the start value that is declared, for all elements."""
+    if variable.start is None:
+        return value is None
+    return np.array_equal(value, np.broadcast_to(variable.start, np.shape(value)))
+
+
+def shown_value(value: Any, variable: MemberVariable) -> tuple[str, str]:
+    """Format a value of a parameter, and the unit in which it is shown."""
+    unit = variable.display_unit or unit_for_size(value, variable.unit)
+    return format_parameter(value, variable.unit, unit), unit
+
+
+def unit_for_size(value: Any, unit: str) -> str:
+    """Return the unit in which a parameter is shown: a smaller one such as mm for small values [SI]."""
+    array = np.asarray(value)
+    return common_format(array.ravel().tolist(), unit).unit if array.dtype.kind == "f" else unit
+
+
+def format_parameter(value: Any, unit: str, display: str) -> str:
+    """Format a value in its display unit, long arrays shortened; conversion adds no digits: 573 deg/s for 10 rad/s."""
+    if value is None:
+        return ""
+    array = np.asarray(value)
+    if array.dtype.kind == "f" and display != unit:
+        (factor, offset), (shown_factor, shown_offset) = si_conversion(unit), si_conversion(display)
+        array = (array * factor + offset - shown_offset) / shown_factor
+    texts = [f"{item:.6g}" if isinstance(item, float) else str(item) for item in array.ravel().tolist()]
+    if display != unit:
+        texts = [
+            f"{float(text):.4g}" if re.fullmatch(r"-?(0\.0*\d{6}|(?=.{7}$)\d{1,3}\.\d+)", text) else text
+            for text in texts
+        ]
+    if array.ndim == 0:
+        return texts[0]
+    return f"[{', '.join(texts)}]" if len(texts) <= 6 else f"[{', '.join(texts[:3])}, … {texts[-1]}] ({len(texts)})"
