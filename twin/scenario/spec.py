@@ -76,6 +76,7 @@ class MemberSpec:
         """Convert the start values to numpy values in the variables' units; returns them and problems. `name`: the member."""
         values: dict[str, Any] = {}
         problems: list[str] = []
+        group_values = getattr(self.made, "starts", {})
         for parameter, raw in self.parameters.items():
             where = self.locations.get(parameter, self.where)
             try:
@@ -91,11 +92,9 @@ class MemberSpec:
                 continue
             if index:
                 array_variable = variables[variable.name]
-                start = (
-                    np.zeros(array_variable.shape, array_variable.dtype)
-                    if array_variable.start is None
-                    else array_variable.start
-                )
+                start = group_values.get(array_variable.name, array_variable.start)
+                if start is None:
+                    start = np.zeros(array_variable.shape, array_variable.dtype)
                 array = values.setdefault(
                     array_variable.name, np.array(np.broadcast_to(start, array_variable.shape), array_variable.dtype)
                 )
