@@ -196,15 +196,19 @@ class Run:
         return arrays.array(variable, {case: signals for case, signals in cases.items() if name in signals.values})
 
     def _evaluated(self, text: str) -> xr.DataArray:
-        """Return the values of an expression, in the unit that follows from those of its signals."""
+        """Return the values of an expression, in the unit that follows from those of its signals, if known."""
         parsed = self._parsed(text, list(self))
-        symbol = self._measure(parsed).unit
+        measure = self._measure(parsed)
+        symbol = measure.unit
         factor, offset = si_conversion(symbol, dimension.is_difference(parsed))
         cases = {}
         for case, signals in read_variables(self._signals, [self._recorded[name] for name in names_of(parsed)]).items():
             if (result := signals.evaluate(parsed)) is not None:
                 cases[case] = Signals(result[0], {text: (result[1] - offset) / factor})
-        return arrays.array(RecordedVariable(text, unit=symbol), cases)
+        values = arrays.array(RecordedVariable(text, unit=symbol), cases)
+        if measure.factors is None:
+            del values.attrs["units"]  # unknown; "" means dimensionless
+        return values
 
     def _parsed(self, text: str, candidates: Sequence[str]) -> Expression:
         """Return an expression of recorded signals; UnknownNameError or TwinError if it is none."""
