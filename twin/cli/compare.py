@@ -42,8 +42,8 @@ def command(
 
     Exit code 0 if nothing differs by more than the tolerance, else 1, so that a CI job can compare with a reference run.
 
-    The first line says whether the runs agree, the second what differs most. Signals are sorted by time of first deviation;
-    the first is the likeliest cause. Expectations are of all variants: --variant leaves them out. Runs with different communication
+    The first line says whether the runs agree, the second what differs most. Signals and metrics are sorted by relative
+    difference; the signal with the earliest `from` is the likeliest cause. Expectations are of all variants: --variant leaves them out. Runs with different communication
     steps are compared by interpolation, with a note.
 
     \b
