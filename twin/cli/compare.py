@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from fnmatch import fnmatchcase
 from math import isfinite
 from pathlib import Path
 
@@ -50,14 +49,10 @@ def command(
     twin compare runs/mine/2026-11-22_08-14-00 runs/mine/latest
     twin compare before runs/mine/latest --tolerance 1e-6 --signal "sensor.*"
     """
-    from twin.errors import TwinError, nearest
     from twin.face import open_run
     from twin.results import compare_runs
 
     runs = open_run(first), open_run(second)
-    for pattern in patterns:
-        if not any(fnmatchcase(name, pattern) for run in runs for name in run.signals):
-            raise TwinError(f"{pattern!r}: not recorded in either run. {nearest(pattern, runs[0].signals)}")
     folders, summaries = (runs[0].folder, runs[1].folder), (runs[0].summary, runs[1].summary)
     comparison = compare_runs(folders, summaries, tolerance, patterns, variants)
     show_text(comparison.headline)

@@ -146,15 +146,18 @@ def compare_runs(
     """Compare two runs. `patterns`: signals to compare, such as `heart.*`; `variants`: their cases; all if there are none.
 
     Where times differ, both are compared at the times of the coarser recording (`common_times`). Status and expectations, which are of a
-    whole run, are compared without `patterns` and `variants`. TwinError for a variant that neither run has.
+    whole run, are compared without `patterns` and `variants`. TwinError for a variant or a signal that neither run has.
     """
     all_variants = {entry["variant"]: None for summary in summaries for entry in summary["cases"]}
     if unknown := [name for name in variants if name not in all_variants]:
         raise TwinError(f"{unknown[0]!r}: neither run has this variant. {nearest(unknown[0], all_variants)}")
     paths = (folders[0] / "signals.parquet", folders[1] / "signals.parquet")
+    all_variables = [list_recorded_variables(path) for path in paths]
+    for pattern in patterns:
+        if not any(fnmatchcase(name, pattern) for variables in all_variables for name in variables):
+            raise TwinError(f"{pattern!r}: not recorded in either run. {nearest(pattern, all_variables[0])}")
     first, second = (
-        {name: entry for name, entry in list_recorded_variables(path).items() if is_selected(name, patterns)}
-        for path in paths
+        {name: entry for name, entry in variables.items() if is_selected(name, patterns)} for variables in all_variables
     )
     problems, missing = compare_summaries(*summaries, tolerance, metrics=not patterns, variants=variants)
     notes: dict[str, None] = {}
