@@ -138,12 +138,12 @@ def compare_summaries(
     missing += list_missing("metric", first["metrics"], second["metrics"])
     common = [case for case in cases[0] if case in cases[1]]
     metric_problems = [
-        found
+        entry
         for name, metric in first["metrics"].items()
         if name in second["metrics"]
-        and (found := metric_problem(name, metric, second["metrics"][name], common, tolerance))
+        and (entry := metric_problem(name, metric, second["metrics"][name], common, tolerance))
     ]
-    problems = [line for _, line in sorted(metric_problems, key=lambda found: -found[0])]
+    problems = [line for _, line in sorted(metric_problems, key=lambda entry: -entry[0])]
     if variants:
         return problems, missing
     if first["status"] != second["status"]:
