@@ -71,6 +71,29 @@ def test_several_signals_are_a_dataset(recorded):
     assert twin.Run(str(recorded.folder)).variants == ("PI",)
 
 
+def test_names_patterns_and_lists_are_taken_everywhere(recorded):
+    assert list(recorded["tip.*"].data_vars) == ["tip.position", "tip.shape"]
+    assert list(recorded[["tip.s*", "sensor.force"]].data_vars) == ["tip.shape", "sensor.force"]
+    columns = ["variant", "seed", "time"]
+    assert list(recorded.to_dataframe(["sensor.*", "tip.shape[2]"])) == [*columns, "sensor.force", "tip.shape[2]"]
+    assert len(recorded.plot(["sensor.force", "tip.position"], interactive=False).axes) == 2
+    assert len(recorded.plot("sensor.force", ["tip.*"], interactive=False).axes) == 2
+    assert [signal.name for signal in recorded.compare(recorded, ["tip.s*"]).signals] == ["tip.shape"]
+    with pytest.raises(TwinError, match=r"'tip\.z\*': not recorded in either run"):
+        recorded.compare(recorded, "tip.z*")
+
+
+@pytest.mark.parametrize("index", ["4", "0", "-1", "x"])
+def test_an_element_that_an_array_does_not_have(recorded, index):
+    for text in (f"tip.shape[{index}]", [f"tip.shape[{index}]"]):
+        with pytest.raises(UnknownNameError, match=r"tip\.shape has 2 elements, from 1 to 2\.$"):
+            recorded[text]
+    with pytest.raises(UnknownNameError, match=r"sensor\.force is a single value\.$"):
+        recorded[f"sensor.force[{index}]"]
+    with pytest.raises(UnknownNameError, match=r"has 2 elements|counted from 1"):
+        recorded[f"2 * tip.shape[{index}]"]
+
+
 def test_signals_are_exported(recorded, tmp_path):
     assert recorded.export(tmp_path / "a.mat", "tip.*") == tmp_path / "a.mat"
     cases = loadmat(tmp_path / "a.mat", simplify_cells=True)["cases"]

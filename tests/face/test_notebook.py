@@ -140,6 +140,16 @@ def test_the_state_of_a_run(monkeypatch, summary, counts, kind, text):
         assert notebook.state(given) == f'<b class="{kind}">{text}</b><p>variant v; seeds {shown}{more}</p>'
 
 
+def test_a_plot_has_the_colors_of_its_surroundings():
+    """Its texts are not changed."""
+    svg = '<svg><path style="fill: #ffffff"/><path style="stroke: #e4e7eb"/><text style="fill: #3e4c59">#ffffff</text></svg>'
+    shown = '<svg><path style="fill: none"/><path style="stroke: #8884"/><text style="fill: currentColor">#ffffff</text></svg>'
+    assert notebook.plot(svg) == f"<div class=plot>{shown}</div>"
+    assert notebook.plot("") == ""
+    assert ".twin a:any-link { color: inherit;" in notebook.STYLE
+    assert "background: #fff" not in notebook.STYLE
+
+
 def test_parts_of_a_page():
     assert notebook.page("a", "", "b") == f'<div class="twin">{notebook.STYLE}ab</div>'
     assert (notebook.paragraph(""), notebook.paragraph("<"), notebook.heading("<")) == (

@@ -5,7 +5,7 @@ import pytest
 
 from tests.viewer.recorded import FORCE, PLACE, SHAPE, folder_of
 from twin.errors import TwinError, UnknownNameError
-from twin.face import open_run
+from twin.face import open_run, open_study
 from twin.results import RecordedVariable, plotting
 
 SCENARIO = """
@@ -181,6 +181,38 @@ def test_a_run_is_opened_by_the_name_of_its_scenario(run, monkeypatch, tmp_path)
         with pytest.raises(TwinError) as caught:
             open_run(name)
         assert str(caught.value).endswith(f" Looked in {places}. Did you mean 'rig_force'?")
+
+
+@pytest.mark.parametrize("has_folder", [True, False])
+def test_where_nothing_was_run(monkeypatch, tmp_path, has_folder):
+    if has_folder:
+        (tmp_path / "runs").mkdir()
+    monkeypatch.chdir(tmp_path)
+    for open_results, kind in ((open_run, "runs"), (open_study, "studies")):
+        with pytest.raises(TwinError) as caught:
+            open_results("rig_force")
+        assert str(caught.value) == f"rig_force: does not exist. There are no {kind} in {tmp_path}/runs."
+
+
+def test_patterns_leave_out_internal_states(tmp_path):
+    """Random generators and buffers are read by their names, or by a pattern of nothing else."""
+    variables = [
+        RecordedVariable(f"sensor.{name}", shape=shape)
+        for name, shape in (("measured_force", ()), ("shown", ()), ("line", (32,)), ("head", ()), ("stream", (6,)))
+    ]
+    values = {variable.name: np.zeros((len(TIME), *variable.shape)) for variable in variables}
+    folder = folder_of(tmp_path / "run", {("PI", 1): (TIME, values)}, variables)
+    text = "title: Rig\nstop_time: 1 s\nmembers: {{sensor: {{component: {}}}}}\n"
+    (folder / "scenario.yaml").write_text(text.format("force_sensor"))
+    run, columns = open_run(folder), ["variant", "seed", "time"]
+    visible = ["sensor.measured_force", "sensor.shown"]
+    assert list(run.to_dataframe("sensor.*")) == [*columns, *visible]
+    assert list(run["sensor.*"].data_vars) == visible
+    assert list(run.to_dataframe("sensor.head", "sensor.str*"))[3:5] == ["sensor.head", "sensor.stream[1]"]
+    assert len(run.to_dataframe().columns) == len(columns) + 41
+    assert len(run.compare(run, "sensor.*").signals) == 5
+    (folder / "scenario.yaml").write_text(text.format('"no.such.module:Sensor"'))
+    assert len(open_run(folder)["sensor.*"].data_vars) == 5
 
 
 @pytest.mark.parametrize("call", ["resume", "branch"])

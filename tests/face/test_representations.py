@@ -41,3 +41,6 @@ def test_a_scenario_and_a_study():
     assert "; varies " in study
     assert len(study) < 400
     assert repr(twin.load("racs")).startswith("<Scenario racs: ")
+    assert '; variants "nothing fails", "compressor lost", "air lost", "air lost, 10 N pull", ' in repr(
+        twin.load("failures")
+    )

@@ -117,6 +117,9 @@ def test_an_expression_is_read_like_a_signal(run):
     )
     assert difference.attrs["units"] == "m"
     assert run["part.place * part.push"].attrs["units"] == "m*N"
+    assert [run[text].attrs["units"] for text in ("sqrt(part.push)", "part.push**0.5")] == ["N^0.5", "N^0.5"]
+    assert run.plot("sqrt(part.push)", interactive=False).axes[0].get_ylabel() == "sqrt(part.push) [N^0.5]"
+    assert "units" not in run["part.push ** 1e300"].attrs  # unknown, not dimensionless
     with pytest.raises(UnknownNameError, match=r"Did you mean 'part\.place'"):
         run["part.plce - part.place"]
     with pytest.raises(ScenarioError):

@@ -73,8 +73,9 @@ def test_a_difference_is_found_where_it_is(tmp_path: Path) -> None:
     assert called(a, b, "--tolerance", 0.011)[0] == 0
     assert called(a, b, "--tolerance", 0.009)[0] == 1
     assert called(a, b, "--signal", "a.x")[0] == 0
-    code, text = called(a, b, "--signal", "a.y")
-    assert code == 1
+    done = CliRunner().invoke(compare, [str(a), str(b), "--signal", "a.on", "--signal", "a.forc"])
+    assert done.exit_code == 1
+    assert str(done.exception) == "'a.forc': not recorded in either run. Did you mean 'a.force'?"
 
 
 def test_other_times_are_interpolated_and_said(tmp_path: Path) -> None:

@@ -13,19 +13,23 @@ from twin.results.comparison import (
     MAX_VALUES_IN_MEMORY,
     Comparison,
     Difference,
-    Missing,
     batches,
-    compare_summaries,
     describe_length_difference,
-    is_close,
-    is_convertible,
     is_selected,
     largest_difference,
-    list_missing,
     missing_signals,
 )
 from twin.results.recording.run_folder import RecordedVariable
 from twin.results.resampling import resample
+from twin.results.summary_comparison import (
+    MetricChange,
+    Missing,
+    compare_summaries,
+    is_close,
+    is_convertible,
+    list_missing,
+    metric_changes,
+)
 
 INF, NAN = np.inf, np.nan
 TIME = np.array([0.0, 1.0, 2.0, 3.0])
@@ -256,6 +260,59 @@ def test_what_differs_in_two_summaries(changes: dict[str, Any], problems: list[s
     assert compare_summaries(summary(), second, 0.01, metrics=False, variants=("BW",)) == ([], [])
 
 
+def test_metrics_of_both_runs_are_a_table() -> None:
+    """Sorted by relative change, in the unit of the first run; a value in one run only comes first."""
+
+    def of(**metrics: tuple[str, dict[str, dict[str, float | None]]]) -> dict[str, Any]:
+        return {
+            "metrics": {
+                name: {"unit": unit, "variants": {variant: {"values": own} for variant, own in variants.items()}}
+                for name, (unit, variants) in metrics.items()
+            }
+        }
+
+    first = of(
+        force=("mN", {"PI": {"1": 100.0, "2": 300.0}, "FF": {"1": -50.0}}),
+        depth=("mm", {"PI": {"1": 0.0}}),
+        lag=("s", {"PI": {"1": 1.0}}),
+        alone=("s", {"PI": {"1": 1.0}}),
+        rest=("degC", {"PI": {"1": 1.0}}),
+    )
+    second = of(
+        force=("N", {"PI": {"1": 0.11, "3": 9.0}, "FF": {"1": -0.1}}),
+        depth=("mm", {"PI": {"1": 0.0}}),
+        lag=("s", {"PI": {"1": None}}),
+        rest=("K", {"PI": {"1": 1.0}}),
+    )
+    changes = metric_changes(first, second)
+    assert [(each.metric, each.variant, each.second) for each in changes] == [
+        ("lag", "PI", None),
+        ("rest", "PI", None),
+        ("force", "FF", -100.0),
+        ("force", "PI", 110.0),
+        ("depth", "PI", 0.0),
+    ]
+    table = Comparison((), (), (), 0.0, (), changes).metrics
+    assert list(table) == ["metric", "variant", "unit", "first", "second", "change", "relative change"]
+    assert table.iloc[2].tolist() == ["force", "FF", "mN", -50.0, -100.0, -50.0, -1.0]
+    assert table["relative change"].iloc[3:].tolist() == [pytest.approx(0.1), 0.0]
+    assert {each.variant for each in metric_changes(first, second, ["FF"])} == {"FF"}
+    assert MetricChange("m", "PI", "", 0.0, -2.0).relative == -INF
+    html = Comparison((), ("a",), (), 0.0, (), changes)._repr_html_()
+    assert html.startswith("<p>The runs differ: 0 of 0 signals")
+    assert "<td>force</td>" in html
+    assert "<table" not in Comparison((), (), (), 0.0)._repr_html_()
+
+
+def test_metrics_that_differ_are_sorted_by_relative_difference() -> None:
+    first, second = (
+        {**summary(), "metrics": {name: summary(values={"1": value})["metrics"]["m"] for name, value in own.items()}}
+        for own in ({"a": 1.0, "b": 1.0, "c": 1.0}, {"a": 1.1, "b": 3.0, "c": 1.2})
+    )
+    lines, _ = compare_summaries(first, second, 0.0, metrics=True, variants=())
+    assert [line.split()[1] for line in lines] == ["b", "c", "a"]
+
+
 def test_entries_of_one_run() -> None:
     entries = list_missing("signal", {"a": 1, "b": 2}, {"b": 1, "c": 2, "d": 3})
     assert [(entry.run, entry.names) for entry in entries] == [("first", ("a",)), ("second", ("c", "d"))]
@@ -287,7 +344,7 @@ def test_signals_are_read_in_groups_that_fit_into_memory() -> None:
     assert list(batches(names, variables, MAX_VALUES_IN_MEMORY)) == [["a"], ["b"], ["c"]]
 
 
-def test_the_first_deviation_is_the_likeliest_cause() -> None:
+def test_the_largest_relative_difference_is_first() -> None:
     def entry(name: str, part: float, time: float, seed: int = 1, variant: str = "A") -> Difference:
         return Difference(name, variant, seed, part, part, time)
 
@@ -296,7 +353,7 @@ def test_the_first_deviation_is_the_likeliest_cause() -> None:
     same = [entry("d", 0.2, 1.0, 1, "B"), entry("d", 0.2, 1.0, 1), entry("d", 0.2, 1.0, 2)]
     within, equal, unknown = entry("e", 0.01, 0.5), entry("f", 0.0, 0.0), entry("g", NAN, 3.0)
     found = Comparison((late, early, larger, *same, within, equal, unknown), (), (), 0.01)
-    assert found.differing == [larger, same[1], same[2], same[0], early, late, unknown]
+    assert found.differing == [unknown, late, larger, same[1], same[2], same[0], early]
     assert found.identical_count == 1
     assert not found.agrees
     assert Comparison((within, equal), (), ("a note",), 0.01).agrees
@@ -306,4 +363,4 @@ def test_the_first_deviation_is_the_likeliest_cause() -> None:
     assert alone.headline == (
         "The runs differ: 0 of 2 signals (1 equal to the bit, 1 within 0.01), 2 signals only in the first."
     )
-    assert found.largest == late
+    assert found.largest == unknown

@@ -45,7 +45,12 @@ UNITS = {
         ("v.pressure ** (1 + 1) / v.pressure", "Pa"),
         ("sqrt(v.x**2 + v.area)", "m"),
         ("sqrt(v.area)", "m"),
-        ("sqrt(v.force)", ""),
+        ("sqrt(v.force)", "N^0.5"),
+        ("v.force ** 0.5 * v.x", "N^0.5*m"),
+        ("v.x / v.force ** (1 / 3)", "m/N^(1/3)"),
+        ("sqrt(v.supply)", "kg^0.5/(m^0.5*s)"),
+        ("sqrt(v.angle)", ""),
+        ("v.x ** 12", "m^12"),
         ("v.stiffness * v.x", "N"),
         ("v.force / v.stiffness - v.x", "m"),
         ("v.speed / v.x", "1/s"),
@@ -81,7 +86,7 @@ def test_what_is_not_known_fits_everything(text: str) -> None:
         ("v.x * (v.x + v.speed)", "`v.x` is in m, `v.speed` is in m/s."),
         ("2 ** v.x", "the exponent `v.x` is in m, expected a plain number."),
         ("v.x ** v.ratio", "`v.x` is in m, so its exponent must be a number, not `v.ratio`."),
-        ("sqrt(v.force) + v.x", "`sqrt(v.force)` is in N^(1/2), `v.x` is in m."),
+        ("sqrt(v.force) + v.x", "`sqrt(v.force)` is in N^0.5, `v.x` is in m."),
     ],
 )
 def test_what_does_not_fit_is_named_with_both_units(text: str, expected: str) -> None:
@@ -182,5 +187,5 @@ def test_every_expression_has_a_unit_that_is_one_or_does_not_fit(text: str) -> N
         found = dimension.expression_measure(parsed, UNITS)
     except ScenarioError:
         return
-    if found.unit:
+    if found.unit and dimension.is_readable(found.unit):
         assert found.exponents == tuple(map(Fraction, unit.describe(found.unit).exponents[:-1]))

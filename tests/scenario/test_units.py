@@ -141,6 +141,17 @@ def test_what_does_not_fit_is_told_once(key: str, text: str, expected: str) -> N
     assert line.startswith(expected), line
 
 
+def test_a_root_is_not_dimensionless() -> None:
+    """Its limits are in SI, and have no unit that can be read."""
+    root = "signal: sqrt(valve.pressure)"
+    (line,) = told(limit=f"{root}, at_most: 2 bar")
+    assert line.endswith("which does not convert to bar. Give limits without a unit.")
+    assert told(limit=f"{root}, at_most: 2") == []
+    (expectation,) = displayed(scenario(limit=f"{root}, at_most: 2"), {"A": CATALOG, "B": CATALOG}).expectations
+    assert (expectation.at_most, expectation.unit) == (2.0, "Pa^0.5")
+    assert expectation.shown(2.0) == "2 Pa^0.5"
+
+
 def test_cycles_are_not_judged_as_angles() -> None:
     """1.5 Hz are 90 rpm, and not 1.5 rad/s, which are 14.3 rpm."""
     for key, text, where in (

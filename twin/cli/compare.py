@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from fnmatch import fnmatchcase
 from math import isfinite
 from pathlib import Path
 
@@ -42,22 +41,18 @@ def command(
 
     Exit code 0 if nothing differs by more than the tolerance, else 1, so that a CI job can compare with a reference run.
 
-    The first line says whether the runs agree, the second what differs most. Signals are sorted by time of first deviation;
-    the first is the likeliest cause. Expectations are of all variants: --variant leaves them out. Runs with different communication
+    The first line says whether the runs agree, the second what differs most. Signals and metrics are sorted by relative
+    difference; the signal with the earliest `from` is the likeliest cause. Expectations are of all variants: --variant leaves them out. Runs with different communication
     steps are compared by interpolation, with a note.
 
     \b
     twin compare runs/mine/2026-11-22_08-14-00 runs/mine/latest
     twin compare before runs/mine/latest --tolerance 1e-6 --signal "sensor.*"
     """
-    from twin.errors import TwinError, nearest
     from twin.face import open_run
     from twin.results import compare_runs
 
     runs = open_run(first), open_run(second)
-    for pattern in patterns:
-        if not any(fnmatchcase(name, pattern) for run in runs for name in run.signals):
-            raise TwinError(f"{pattern!r}: not recorded in either run. {nearest(pattern, runs[0].signals)}")
     folders, summaries = (runs[0].folder, runs[1].folder), (runs[0].summary, runs[1].summary)
     comparison = compare_runs(folders, summaries, tolerance, patterns, variants)
     show_text(comparison.headline)

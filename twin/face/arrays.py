@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-    from twin.face.metric_table import MetricTable
-    from twin.results import RecordedVariable, Signals
+    from twin.results import MetricTable, RecordedVariable, Signals
 
     Cases = Mapping[tuple[str, int], Signals]
 
@@ -99,7 +98,7 @@ def samples(path: Path, variables: Sequence[RecordedVariable]) -> pd.DataFrame:
 def metrics(summary: Mapping[str, Any]) -> MetricTable:
     """Return a row for each metric, variant and seed, in the metric's unit; the verdict applies to the mean over the seeds."""
     import_optional("pandas", "python", "a DataFrame")
-    from twin.face.metric_table import MetricTable
+    from twin.results import MetricTable
 
     rows = [
         (name, variant, int(seed), value, metric["unit"], figures["paper"], None, figures["verdict"])

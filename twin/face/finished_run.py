@@ -14,6 +14,7 @@ from twin.face import arrays, notebook
 from twin.face.conversions import as_list, choice, mapping, nanoseconds, override_text, python_option_names
 from twin.face.interactive import interactive_figure, is_plotly_installed
 from twin.face.progress import in_notebook
+from twin.face.signal_names import array_of, find_variable, flatten, internal_names, names_of
 from twin.results import (
     Plot,
     PlotCurve,
@@ -26,6 +27,7 @@ from twin.results import (
     find_results,
     list_recorded_variables,
     plotting,
+    quote_names,
     read_variables,
     si_conversion,
 )
@@ -33,7 +35,7 @@ from twin.run import RunOptions, event_rows
 from twin.scenario import lint
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     import pandas as pd
     import xarray as xr
@@ -170,41 +172,40 @@ class Run:
 
     def variable(self, name: str) -> RecordedVariable:
         """Return a recorded variable or element `sheath.x[3]`, counted from 1; UnknownNameError if there is none."""
-        if name in self._recorded:
-            return self._recorded[name]
-        array_name = name.partition("[")[0]
-        if array_name in self._recorded and name in (variable := self._recorded[array_name]).columns:
-            return replace(variable, name=name, shape=())
-        raise UnknownNameError(f"{self.folder}: {name!r} was not recorded. {nearest(name, self)}")
+        return find_variable(name, self._recorded, self.folder)
 
     def __getitem__(self, name: str | list[str]) -> Any:
         """Return a variable over time x variant x seed (x element), in its own unit `.attrs["units"]`, as a DataArray.
 
-        Also an expression, such as `sensor.force - wall.force`; a list of variables as a Dataset. Variants that did not record
-        it are omitted.
+        Also an expression, such as `sensor.force - wall.force`; a list of variables or a pattern, such as `sensor.*`, as a
+        Dataset. Variants that did not record it are omitted.
         """
-        if isinstance(name, list):
-            variables = [self.variable(item) for item in name]
+        if isinstance(name, list) or (isinstance(name, str) and self._names_of(name, self) != [name]):
+            variables = self._matching([name])
             return arrays.dataset(variables, read_variables(self._signals, variables), self.variants, self.seeds)
         if not isinstance(name, str):
             example = 'run["sensor.force"].sel(variant="PI", seed=1)'
             raise UnknownNameError(f"{self.folder}: {name!r} is not the name of a signal. Use, for example, {example}.")
-        if name not in self and any(sign in name for sign in OPERATORS):
+        if name not in self and array_of(name, self._recorded) is None and any(sign in name for sign in OPERATORS):
             return self._evaluated(name)
         variable = self.variable(name)
         cases = read_variables(self._signals, [variable])
         return arrays.array(variable, {case: signals for case, signals in cases.items() if name in signals.values})
 
     def _evaluated(self, text: str) -> xr.DataArray:
-        """Return the values of an expression, in the unit that follows from those of its signals."""
+        """Return the values of an expression, in the unit that follows from those of its signals, if known."""
         parsed = self._parsed(text, list(self))
-        symbol = self._measure(parsed).unit
+        measure = self._measure(parsed)
+        symbol = measure.unit
         factor, offset = si_conversion(symbol, dimension.is_difference(parsed))
         cases = {}
         for case, signals in read_variables(self._signals, [self._recorded[name] for name in names_of(parsed)]).items():
             if (result := signals.evaluate(parsed)) is not None:
                 cases[case] = Signals(result[0], {text: (result[1] - offset) / factor})
-        return arrays.array(RecordedVariable(text, unit=symbol), cases)
+        values = arrays.array(RecordedVariable(text, unit=symbol), cases)
+        if measure.factors is None:
+            del values.attrs["units"]  # unknown; "" means dimensionless
+        return values
 
     def _parsed(self, text: str, candidates: Sequence[str]) -> Expression:
         """Return an expression of recorded signals; UnknownNameError or TwinError if it is none."""
@@ -215,27 +216,34 @@ class Run:
                 f"{self.folder}: {text!r} was not recorded, and {str(error).rstrip('.')}. {nearest(text, candidates)}"
             ) from None
         for signal in parsed.signals:
-            self.variable(signal.name)
+            self.variable(str(signal))
         if problem := parsed.array_problem({name: self._recorded[name].shape for name in names_of(parsed)}):
             raise TwinError(f"{self.folder}: {problem}")
         return parsed
 
-    def to_dataframe(self, *patterns: str) -> pd.DataFrame:
+    def to_dataframe(self, *patterns: str | Sequence[str]) -> pd.DataFrame:
         """Return all samples: columns `variant`, `seed`, `time` [s], and one for each scalar; units in `.attrs["units"]`.
 
-        `patterns`: names or patterns of variables, such as `sensor.*`; all by default.
+        `patterns`: names or patterns of variables, such as `sensor.*`, which leave out internal states; all by default.
         """
         return arrays.samples(self._signals, self._matching(patterns))
 
-    def _matching(self, patterns: Sequence[str]) -> list[RecordedVariable]:
-        """Return the variables with these names or patterns, all without any; UnknownNameError if there is none of one."""
-        names = [name for pattern in patterns for name in fnmatch.filter(self, pattern)]
-        for pattern in patterns:
-            if not fnmatch.filter(self, pattern):
-                self.variable(pattern)
-        return [self._recorded[name] for name in dict.fromkeys(names or self)]
+    @cached_property
+    def _internal(self) -> set[str]:
+        return internal_names(self._checked)
 
-    def export(self, path: str | Path, *patterns: str) -> Path:
+    def _matching(self, patterns: Sequence[str | Sequence[str]]) -> list[RecordedVariable]:
+        """Return the variables with these names or patterns, all without any; UnknownNameError if there is none of one."""
+        names = [name for text in flatten(patterns) for name in self._names_of(text, self)]
+        return [self.variable(name) for name in dict.fromkeys(names if patterns else self)]
+
+    def _names_of(self, text: str, names: Iterable[str]) -> list[str]:
+        """Return the names with a pattern, without internal states unless there are only such; else the text itself."""
+        is_name = text in self or array_of(text, self._recorded) is not None
+        matches = [] if is_name else fnmatch.filter(names, text)
+        return [name for name in matches if name not in self._internal] or matches or [text]
+
+    def export(self, path: str | Path, *patterns: str | Sequence[str]) -> Path:
         """Write signals of all cases for other tools: .csv, .mat (MATLAB) or .mcap; return the path. `patterns`: as of `to_dataframe`."""
         target = Path(path)
         choice(
@@ -250,10 +258,13 @@ class Run:
         )
         return target
 
-    def compare(self, other: Run | str | Path, *patterns: str, tolerance: float = 0.0) -> Comparison:
-        """Compare with another run, sample by sample: `agrees`, `differing` signals, `problems`. `tolerance`: relative."""
+    def compare(self, other: Run | str | Path, *patterns: str | Sequence[str], tolerance: float = 0.0) -> Comparison:
+        """Compare with another run, sample by sample: `agrees`, `differing` signals, `metrics`, `problems`.
+
+        `tolerance`: relative. `patterns`: all signals, also internal states, with these names.
+        """
         second = other if isinstance(other, Run) else open_run(other)
-        return compare_runs((self.folder, second.folder), (self.summary, second.summary), tolerance, patterns)
+        return compare_runs((self.folder, second.folder), (self.summary, second.summary), tolerance, flatten(patterns))
 
     def __iter__(self) -> Iterator[str]:
         """Iterate over the names of recorded signals."""
@@ -267,7 +278,7 @@ class Run:
 
     def plot(
         self,
-        *what: str,
+        *what: str | Sequence[str],
         variants: str | Sequence[str] = (),
         seeds: int | Sequence[int] = (),
         interactive: bool | None = None,
@@ -277,7 +288,7 @@ class Run:
         Signals may be patterns, such as `sensor.*`, or expressions, such as `abs(sensor.force - controller.setpoint)`. Without
         names: all plots. `interactive`: as a figure of plotly instead of Matplotlib; by default in notebooks if it is installed.
         """
-        plots = self._chosen_plots(what)
+        plots = self._chosen_plots(flatten(what))
         expressions = [
             operand for plot in plots for curve in plot.curves for operand in (curve.signal, curve.x) if operand
         ]
@@ -293,7 +304,11 @@ class Run:
         if not chosen:
             raise TwinError(
                 f"{self.folder}: nothing was run with these variants and seeds. "
-                + (f"Known: {', '.join(self.variants)}." if self.variants else f"The run failed: {self.reason}")
+                + (
+                    f"Known: {', '.join(quote_names(self.variants))}."
+                    if self.variants
+                    else f"The run failed: {self.reason}"
+                )
             )
         marks = [row.annotation for row in event_rows(self._checked.variants, self.summary.get("conditions", ()))]
         if interactive is None:
@@ -308,7 +323,7 @@ class Run:
         own = {plot.title: plot for plot in self._checked.plots}
         plots = [self._in_unit(own[title]) for title in (what or own) if title in own]
         scalars = [name for name in self if not self._recorded[name].shape]
-        signals = [name for text in what if text not in own for name in fnmatch.filter(scalars, text) or [text]]
+        signals = [name for text in what if text not in own for name in self._names_of(text, scalars)]
         plots += self._of_signals(list(dict.fromkeys(signals)), own)
         return plots or self._of_signals(scalars[:4], own)
 
@@ -383,8 +398,3 @@ class Run:
             return ""
         figure.set_size_inches(CARD_WIDTH, figure.get_size_inches()[1])
         return str(figure._repr_svg_())
-
-
-def names_of(parsed: Expression) -> list[str]:
-    """Return the variables of an expression, each once."""
-    return list(dict.fromkeys(signal.name for signal in parsed.signals))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from twin.results import common_format, count_verdicts, format_value, si_conversion
+from twin.results import common_format, count_verdicts, figure_files, format_value, si_conversion
 from twin.structure import picture
 
 if TYPE_CHECKING:
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
 STYLE = """<style>
 .twin { max-width: 900px; }
 .twin .wide { overflow-x: auto; }
-.twin .plot { width: fit-content; background: #fff; border-radius: 4px; }
-.twin .plot svg { display: block; max-width: 100%; height: auto; }
+.twin .plot svg { display: block; max-width: 100%; height: auto; fill: currentColor; }
+.twin a:any-link { color: inherit; text-decoration: underline; }
 .twin h4 { margin: 0 0 4px; font-size: 1.1em; }
 .twin p { margin: 2px 0 8px; opacity: .75; }
 .twin table { border-collapse: collapse; margin: 8px 0; font-variant-numeric: tabular-nums; }
@@ -30,6 +31,14 @@ STYLE = """<style>
 .twin b.skipped, .twin b.info { opacity: .6; font-weight: 400; }
 .twin summary { cursor: pointer; margin: 8px 0; }
 </style>"""
+PLOT_COLORS = {  # of a plot on white -> of one on any background
+    "#ffffff": "none",
+    **dict.fromkeys(("#1f2933", "#3e4c59", "#7b8794", "#9aa5b1"), "currentColor"),
+    "#e4e7eb": "#8884",
+    "#0b62a4": "#2f86c9",
+    "#8a5a00": "#c08419",
+    "#c81e1e": "#e0525f",
+}
 CASES = 12  # variants, seeds and rows that are listed
 FAILED = ("fail", "none")  # verdicts
 WORDS = {
@@ -94,8 +103,12 @@ def table(titles: Mapping[str, str], rows: Iterable[Iterable[str]]) -> str:
 
 
 def plot(svg: str) -> str:
-    """Return a plot on white, as wide as the notebook allows; nothing without one."""
-    return f"<div class=plot>{svg}</div>" if svg else ""
+    """Return a plot in the colors of its surroundings, as wide as the notebook allows; nothing without one."""
+
+    def recolor(tag: re.Match[str]) -> str:
+        return re.sub(r"#[0-9a-f]{6}\b", lambda color: PLOT_COLORS.get(color[0], color[0]), tag[0])
+
+    return f"<div class=plot>{figure_files.TAG.sub(recolor, svg)}</div>" if svg else ""
 
 
 def line(tag: str, cells: Iterable[tuple[str, str]]) -> str:

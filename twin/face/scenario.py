@@ -24,6 +24,7 @@ from twin.face.finished_run import Run
 from twin.face.progress import progress_callback
 from twin.face.simulation import Simulation, sourceless
 from twin.former import former_argument
+from twin.results import quote_names
 from twin.run import RunCallbacks, RunOptions, refuse_faults, resolve_catalogs, run_scenario
 from twin.scenario import Backend, changed, lint
 
@@ -162,7 +163,7 @@ class Scenario:
         return Simulation(case, catalog, Backend(choice(backend, Backend, "backend")), Path(build), True, False)
 
     def __repr__(self) -> str:
-        variants, seeds = ", ".join(self.variants), ", ".join(map(str, self.seeds))
+        variants, seeds = ", ".join(quote_names(self.variants)), ", ".join(map(str, self.seeds))
         return f"<Scenario {self.name}: {self.title}; variants {variants}; seeds {seeds}>"
 
     def _repr_html_(self) -> str:

@@ -43,12 +43,18 @@ if TYPE_CHECKING:
     from twin.results import calibration, calibration_report, figure_files, plotting
     from twin.results.comparison import Comparison, compare_runs
     from twin.results.exporters import export
+    from twin.results.metric_table import MetricTable
     from twin.results.plotting import histogram
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submodules=["calibration", "calibration_report", "figure_files", "plotting"],
-    submod_attrs={"comparison": ["Comparison", "compare_runs"], "exporters": ["export"], "plotting": ["histogram"]},
+    submod_attrs={
+        "comparison": ["Comparison", "compare_runs"],
+        "exporters": ["export"],
+        "metric_table": ["MetricTable"],
+        "plotting": ["histogram"],
+    },
 )
 
 __all__ = [
@@ -65,6 +71,7 @@ __all__ = [
     "Metric",
     "MetricFormat",
     "MetricResult",
+    "MetricTable",
     "Plot",
     "PlotCurve",
     "RecordedVariable",

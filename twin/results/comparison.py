@@ -8,16 +8,26 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.errors import CouplingError, TwinError, nearest
+from twin.errors import TwinError, nearest
+from twin.installed import import_optional
 from twin.results.recording.run_folder import RecordedVariable
 from twin.results.recording.signal_reader import list_recorded_variables, read_variables
 from twin.results.recording.signals import format_value, si_conversion
 from twin.results.resampling import common_times, excursion, resample
+from twin.results.summary_comparison import (
+    MetricChange,
+    Missing,
+    compare_summaries,
+    is_convertible,
+    list_missing,
+    metric_changes,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
+    from twin.results.metric_table import MetricTable
     from twin.results.recording.signals import Signals
 
 MAX_VALUES_IN_MEMORY = 20_000_000  # numbers of one file in memory
@@ -51,49 +61,46 @@ class Difference:
 
 
 @dataclass(frozen=True)
-class Missing:
-    """Entries of a kind, such as `signal`, that only the `first` or the `second` run has; `of`: the case, if not of all."""
-
-    kind: str
-    run: str
-    names: tuple[str, ...]
-    of: str = ""
-
-    def text(self, limit: int) -> str:
-        """`14 signals only in the first run: a, b, c and 11 more`; with at most `limit` names; those of cases contain commas."""
-        more = f" and {len(self.names) - limit} more" if len(self.names) > limit else ""
-        where = f" of {self.of}" if self.of else ""
-        separator = "; " if any("," in name for name in self.names) else ", "
-        return f"{self.count}{where} only in the {self.run} run: {separator.join(self.names[:limit])}{more}"
-
-    @property
-    def count(self) -> str:
-        """`14 signals`."""
-        return f"{len(self.names)} {self.kind}{'s' * (len(self.names) > 1)}"
-
-
-@dataclass(frozen=True)
 class Comparison:
-    """Result of a comparison. `signals`: in both runs; `problems`: different otherwise; `missing`: in one run only."""
+    """Result of a comparison. `signals`: in both runs; `problems`: different otherwise; `missing`: in one run only.
+
+    `changes`: of the metrics of both runs, also of those within the tolerance.
+    """
 
     signals: tuple[Difference, ...]
     problems: tuple[str, ...]
     notes: tuple[str, ...]
     tolerance: float
     missing: tuple[Missing, ...] = ()
+    changes: tuple[MetricChange, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Comparison: {self.headline}>"
 
+    def _repr_html_(self) -> str:
+        return f"<p>{self.headline}</p>{self.metrics._repr_html_() if self.changes else ''}"
+
+    @property
+    def metrics(self) -> MetricTable:
+        """A row for each metric and variant, the largest relative change first; values are means over the seeds of both runs."""
+        import_optional("pandas", "python", "a DataFrame")
+        from twin.results.metric_table import MetricTable
+
+        keys = ("metric", "variant", "unit", "first", "second", "change", "relative")
+        rows = [[getattr(change, key) for key in keys] for change in self.changes]
+        numbers = dict.fromkeys((*keys[3:6], "relative change"), float)
+        table: MetricTable = MetricTable(rows, columns=[*keys[:6], "relative change"]).astype(numbers)
+        return table
+
     @property
     def differing(self) -> list[Difference]:
-        """Signals beyond the tolerance, sorted by time of first deviation; the first is the likeliest cause."""
+        """Signals beyond the tolerance, the largest relative difference first, then the earliest."""
         differing = [difference for difference in self.signals if not difference.part <= self.tolerance]
         return sorted(
             differing,
             key=lambda difference: (
+                -difference.part if difference.part == difference.part else -np.inf,
                 difference.time,
-                -difference.part,
                 difference.name,
                 difference.variant,
                 difference.seed,
@@ -126,7 +133,7 @@ class Comparison:
     @property
     def largest(self) -> Difference | None:
         """The difference that is largest relative to its signal; None if all are within the tolerance."""
-        return max(self.differing, key=lambda difference: difference.part, default=None)
+        return next(iter(self.differing), None)
 
 
 def compare_runs(
@@ -139,15 +146,18 @@ def compare_runs(
     """Compare two runs. `patterns`: signals to compare, such as `heart.*`; `variants`: their cases; all if there are none.
 
     Where times differ, both are compared at the times of the coarser recording (`common_times`). Status and expectations, which are of a
-    whole run, are compared without `patterns` and `variants`. TwinError for a variant that neither run has.
+    whole run, are compared without `patterns` and `variants`. TwinError for a variant or a signal that neither run has.
     """
     all_variants = {entry["variant"]: None for summary in summaries for entry in summary["cases"]}
     if unknown := [name for name in variants if name not in all_variants]:
         raise TwinError(f"{unknown[0]!r}: neither run has this variant. {nearest(unknown[0], all_variants)}")
     paths = (folders[0] / "signals.parquet", folders[1] / "signals.parquet")
+    all_variables = [list_recorded_variables(path) for path in paths]
+    for pattern in patterns:
+        if not any(fnmatchcase(name, pattern) for variables in all_variables for name in variables):
+            raise TwinError(f"{pattern!r}: not recorded in either run. {nearest(pattern, all_variables[0])}")
     first, second = (
-        {name: entry for name, entry in list_recorded_variables(path).items() if is_selected(name, patterns)}
-        for path in paths
+        {name: entry for name, entry in variables.items() if is_selected(name, patterns)} for variables in all_variables
     )
     problems, missing = compare_summaries(*summaries, tolerance, metrics=not patterns, variants=variants)
     notes: dict[str, None] = {}
@@ -177,9 +187,9 @@ def compare_runs(
                 for name in names
                 if name in a.values and name in b.values
             ]
-    return Comparison(
-        tuple(differences), tuple(problems), tuple(notes), tolerance, (*missing, *missing_signals(*recorded))
-    )
+    missing += missing_signals(*recorded)
+    changes = metric_changes(*summaries, variants)
+    return Comparison(tuple(differences), tuple(problems), tuple(notes), tolerance, tuple(missing), changes)
 
 
 def missing_signals(first: Mapping[str, Sequence[str]], second: Mapping[str, Sequence[str]]) -> list[Missing]:
@@ -209,16 +219,6 @@ def batches(names: Sequence[str], variables: Mapping[str, RecordedVariable], sam
             group = []
     if group:
         yield group
-
-
-def list_missing(kind: str, first: Iterable[str], second: Iterable[str]) -> list[Missing]:
-    """Return the entries of only one run, for each run that has any."""
-    names_first, names_second = list(first), list(second)
-    return [
-        Missing(kind, run, names)
-        for own, other, run in ((names_first, names_second, "first"), (names_second, names_first, "second"))
-        if (names := tuple(name for name in own if name not in other))
-    ]
 
 
 def describe_length_difference(first: Any, second: Any) -> str:
@@ -269,88 +269,8 @@ def largest_difference(name: str, case: tuple[str, int], a: Signals, b: Signals,
     return Difference(*where, value, part, float(time[np.argmax(distance > tolerance * size)]), unit)
 
 
-def is_convertible(first: str, second: str) -> bool:
-    """Whether two units measure the same quantity."""
-    from twin.component import unit
-
-    try:
-        return first == second or unit.same_kind(unit.describe(first), unit.describe(second))
-    except CouplingError:
-        return False
-
-
 def to_si(values: Any, unit: str) -> Any:
     """Convert values to coherent SI units, as floats; values in SI are returned unchanged."""
     factor, offset = si_conversion(unit)
     values = np.asarray(values, np.float64)
     return values if (factor, offset) == (1.0, 0.0) else values * factor + offset
-
-
-def compare_summaries(
-    first: Mapping[str, Any],
-    second: Mapping[str, Any],
-    tolerance: float,
-    *,
-    metrics: bool,
-    variants: Sequence[str],
-) -> tuple[list[str], list[Missing]]:
-    """List the differences in cases and, with `metrics`, in metrics, status and verdicts; the latter two of all variants."""
-    cases = [
-        [
-            (entry["variant"], str(entry["seed"]))
-            for entry in summary["cases"]
-            if not variants or entry["variant"] in variants
-        ]
-        for summary in (first, second)
-    ]
-    missing = list_missing("case", *([f"{variant}, seed {seed}" for variant, seed in own] for own in cases))
-    if not metrics:
-        return [], missing
-    problems = []
-    missing += list_missing("metric", first["metrics"], second["metrics"])
-    common = [case for case in cases[0] if case in cases[1]]
-    for name, metric in first["metrics"].items():
-        if name in second["metrics"]:
-            problems += metric_problems(name, metric, second["metrics"][name], common, tolerance)
-    if variants:
-        return problems, missing
-    if first["status"] != second["status"]:
-        problems.insert(0, f"status: {first['status']} and {second['status']}.")
-    outcomes = [{entry["name"]: entry["verdict"] for entry in summary["expectations"]} for summary in (first, second)]
-    missing += list_missing("expectation", *outcomes)
-    problems += [
-        f"expectation {name}: {verdict} and {outcomes[1][name]}."
-        for name, verdict in outcomes[0].items()
-        if outcomes[1].get(name, verdict) != verdict
-    ]
-    return problems, missing
-
-
-def metric_problems(
-    name: str, first: Mapping[str, Any], second: Mapping[str, Any], cases: Sequence[tuple[str, str]], tolerance: float
-) -> list[str]:
-    """Return a line about a metric that differs: the case where it differs most, and in how many others it does."""
-    different = []
-    for variant, seed in cases:
-        a, b = (entry["variants"].get(variant, {}).get("values", {}).get(seed) for entry in (first, second))
-        if first["unit"] != second["unit"] or not is_close(a, b, tolerance):
-            part = abs(a - b) / (max(abs(a), abs(b)) or 1.0) if a is not None and b is not None else np.inf
-            different.append((part, f"{variant}, seed {seed}", a, b))
-    if not different:
-        return []
-    _, where, a, b = max(different, key=lambda entry: entry[0])
-    digits = 6 if a is None or b is None or f"{a:.6g}" != f"{b:.6g}" else 17
-    texts = " and ".join(
-        "no value" if value is None else f"{value:.{digits}g} {entry['unit']}".rstrip()
-        for value, entry in ((a, first), (b, second))
-    )
-    count = len(different) - 1
-    more = f"; also in {count} other case{'s' * (count > 1)}" if count else ""
-    return [f"metric {name} of {where}: {texts}{more}."]
-
-
-def is_close(first: float | None, second: float | None, tolerance: float) -> bool:
-    """Whether two numbers differ by no more than a fraction of the larger; None equals None only."""
-    if first is None or second is None:
-        return first is second
-    return abs(first - second) <= tolerance * max(abs(first), abs(second))

@@ -50,16 +50,17 @@ class Measure:
 
     @property
     def unit(self) -> str:
-        """Unit such as `N*m`, in base units if a power is fractional; empty if dimensionless or not a unit, as sqrt(N)."""
+        """Unit such as `N*m`, in base units if a power is fractional; empty if dimensionless or unknown.
+
+        A power that `twin.component.unit` cannot read is in coherent SI, as `N^0.5` of a value in N or mN.
+        """
         factors = self.factors or ()
-        if any(power.denominator != 1 for _, power in factors):
-            factors = tuple(zip(unit.BASE, self.exponents or (), strict=False))
-        text = format_product(factors)
-        try:
-            unit.describe(text)
-        except CouplingError:
-            return ""
-        return text
+        base_factors = tuple(pair for pair in zip(unit.BASE, self.exponents or (), strict=False) if pair[1])
+        text = format_product(base_factors if any(power.denominator != 1 for _, power in factors) else factors)
+        if is_readable(text):
+            return text
+        is_coherent = all((u.factor, u.offset) == (1.0, 0.0) for u in (unit.describe(symbol) for symbol, _ in factors))
+        return format_product(factors if is_coherent else base_factors)
 
     @property
     def text(self) -> str:
@@ -114,18 +115,24 @@ def format_factor(symbol: str, power: Fraction) -> str:
     """Format a unit with its power: `N`, `N^2`, `(N/m)^2`."""
     if any(operator in symbol for operator in "*/^. "):
         symbol = f"({symbol})"
-    return symbol if power == 1 else f"{symbol}^{power if power.denominator == 1 else f'({power})'}"
+    exponent = f"{float(power):g}"
+    return symbol if power == 1 else f"{symbol}^{exponent if Fraction(exponent) == power else f'({power})'}"
+
+
+def is_readable(text: str) -> bool:
+    """Whether a unit can be read and converted: `N`, not `N^0.5`."""
+    try:
+        unit.describe(text)
+    except CouplingError:
+        return False
+    return True
 
 
 def unit_measure(text: str | None) -> Measure:
     """Return the measure of a variable by its unit; unknown without a unit, or with one that is not in any table."""
     if text in ("", "1", "-"):
         return DIMENSIONLESS
-    try:
-        unit.describe(text or "?")
-        return Measure(split_unit(str(text)))
-    except CouplingError:
-        return UNKNOWN
+    return Measure(split_unit(str(text))) if is_readable(text or "?") else UNKNOWN
 
 
 def split_unit(text: str) -> Factors:

@@ -70,8 +70,11 @@ def find_results(path: Path, file: str, kind: str, example: str) -> Path:
 def suggest_folders(folder: Path, file: str) -> str:
     """Return where a folder was looked for, and similar names there of folders that hold results with `file`."""
     missing = next(item for item in [*reversed(folder.parents), folder] if not item.exists())
-    parents = [missing.parent, *([ROOT] if len(missing.parts) == 1 and ROOT.is_dir() else [])]
-    names = [item.name for parent in parents for item in parent.iterdir() if has_results(item, file)]
+    parents = [missing.parent, *([ROOT] if len(missing.parts) == 1 else [])]
+    names = [item.name for parent in parents if parent.is_dir() for item in parent.iterdir() if has_results(item, file)]
+    if not names:
+        return f"There are no {'runs' if file == SUMMARY else 'studies'} in {parents[-1].resolve()}."
+    parents = [parent for parent in parents if parent.is_dir()]
     return f"Looked in {' and '.join(str(parent.resolve()) for parent in parents)}. {nearest(missing.name, names)}"
 
 

@@ -163,6 +163,8 @@ def problem(declaration: UnitDeclaration, variables: Variables) -> str:
     if not declaration.unit or measured.converts_to(declaration.unit, is_scaled(declaration.expression)):
         return ""
     suggested_unit = preferred(measured, variables)
+    if not dimension.is_readable(suggested_unit):  # N^0.5 can be shown, but no limit can have it
+        suggested_unit = ""
     if declaration.key == "length":
         advice = "Name a length"
     elif declaration.key == "limits":

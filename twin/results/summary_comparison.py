@@ -1,0 +1,188 @@
+"""Comparison of the summaries of two runs: cases, metrics, status, verdicts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.component import unit as units
+from twin.errors import CouplingError
+from twin.results.recording.signals import si_conversion
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+
+@dataclass(frozen=True)
+class Missing:
+    """Entries of a kind, such as `signal`, that only the `first` or the `second` run has; `of`: the case, if not of all."""
+
+    kind: str
+    run: str
+    names: tuple[str, ...]
+    of: str = ""
+
+    def text(self, limit: int) -> str:
+        """`14 signals only in the first run: a, b, c and 11 more`; with at most `limit` names; those of cases contain commas."""
+        more = f" and {len(self.names) - limit} more" if len(self.names) > limit else ""
+        where = f" of {self.of}" if self.of else ""
+        separator = "; " if any("," in name for name in self.names) else ", "
+        return f"{self.count}{where} only in the {self.run} run: {separator.join(self.names[:limit])}{more}"
+
+    @property
+    def count(self) -> str:
+        """`14 signals`."""
+        return f"{len(self.names)} {self.kind}{'s' * (len(self.names) > 1)}"
+
+
+@dataclass(frozen=True)
+class MetricChange:
+    """Values of a metric of a variant in both runs, in `unit`: means over the seeds of both; None without a value."""
+
+    metric: str
+    variant: str
+    unit: str
+    first: float | None
+    second: float | None
+
+    @property
+    def change(self) -> float | None:
+        """Value of the second run less that of the first, in `unit`."""
+        return None if self.first is None or self.second is None else self.second - self.first
+
+    @property
+    def relative(self) -> float | None:
+        """Change over the magnitude of the first run's value."""
+        if self.change is None or self.first is None:
+            return None
+        return self.change / abs(self.first) if self.first else self.change and float(np.copysign(inf, self.change))
+
+    @property
+    def rank(self) -> float:
+        """Sorting key: metrics with a value in one run only, then by relative change, the largest first."""
+        if self.relative is None:
+            return 0.0 if self.first is self.second else -inf
+        return -abs(self.relative)
+
+
+def metric_changes(
+    first: Mapping[str, Any], second: Mapping[str, Any], variants: Sequence[str] = ()
+) -> tuple[MetricChange, ...]:
+    """Return the metrics that both summaries have, by relative change, the largest first. `variants`: all without any."""
+    changes = []
+    for name, metric in first["metrics"].items():
+        if (other := second["metrics"].get(name)) is None:
+            continue
+        (factor, offset), (other_factor, other_offset) = map(si_conversion, (metric["unit"], other["unit"]))
+        is_scale = is_convertible(metric["unit"], other["unit"]) and offset == other_offset
+        for variant in metric["variants"]:
+            if variant not in other["variants"] or (variants and variant not in variants):
+                continue
+            values, other_values = (entry["variants"][variant]["values"] for entry in (metric, other))
+            seeds = [seed for seed in values if seed in other_values]
+            mean = mean_value([values[seed] for seed in seeds])
+            other_mean = mean_value([other_values[seed] for seed in seeds]) if is_scale else None
+            if other_mean is not None and metric["unit"] != other["unit"]:
+                other_mean *= other_factor / factor
+            changes.append(MetricChange(name, variant, metric["unit"], mean, other_mean))
+    return tuple(sorted(changes, key=lambda change: change.rank))
+
+
+def mean_value(values: Sequence[float | None]) -> float | None:
+    """Return the mean of values; None if one is missing or there are none."""
+    numbers = [value for value in values if value is not None]
+    return float(np.mean(numbers)) if numbers and len(numbers) == len(values) else None
+
+
+def list_missing(kind: str, first: Iterable[str], second: Iterable[str]) -> list[Missing]:
+    """Return the entries of only one run, for each run that has any."""
+    names_first, names_second = list(first), list(second)
+    return [
+        Missing(kind, run, names)
+        for own, other, run in ((names_first, names_second, "first"), (names_second, names_first, "second"))
+        if (names := tuple(name for name in own if name not in other))
+    ]
+
+
+def is_convertible(first: str, second: str) -> bool:
+    """Whether two units measure the same quantity."""
+    try:
+        return first == second or units.same_kind(units.describe(first), units.describe(second))
+    except CouplingError:
+        return False
+
+
+def compare_summaries(
+    first: Mapping[str, Any],
+    second: Mapping[str, Any],
+    tolerance: float,
+    *,
+    metrics: bool,
+    variants: Sequence[str],
+) -> tuple[list[str], list[Missing]]:
+    """List the differences in cases and, with `metrics`, in metrics, status and verdicts; the latter two of all variants."""
+    cases = [
+        [
+            (entry["variant"], str(entry["seed"]))
+            for entry in summary["cases"]
+            if not variants or entry["variant"] in variants
+        ]
+        for summary in (first, second)
+    ]
+    missing = list_missing("case", *([f"{variant}, seed {seed}" for variant, seed in own] for own in cases))
+    if not metrics:
+        return [], missing
+    missing += list_missing("metric", first["metrics"], second["metrics"])
+    common = [case for case in cases[0] if case in cases[1]]
+    metric_problems = [
+        entry
+        for name, metric in first["metrics"].items()
+        if name in second["metrics"]
+        and (entry := metric_problem(name, metric, second["metrics"][name], common, tolerance))
+    ]
+    problems = [line for _, line in sorted(metric_problems, key=lambda entry: -entry[0])]
+    if variants:
+        return problems, missing
+    if first["status"] != second["status"]:
+        problems.insert(0, f"status: {first['status']} and {second['status']}.")
+    outcomes = [{entry["name"]: entry["verdict"] for entry in summary["expectations"]} for summary in (first, second)]
+    missing += list_missing("expectation", *outcomes)
+    problems += [
+        f"expectation {name}: {verdict} and {outcomes[1][name]}."
+        for name, verdict in outcomes[0].items()
+        if outcomes[1].get(name, verdict) != verdict
+    ]
+    return problems, missing
+
+
+def metric_problem(
+    name: str, first: Mapping[str, Any], second: Mapping[str, Any], cases: Sequence[tuple[str, str]], tolerance: float
+) -> tuple[float, str] | None:
+    """Return the largest relative difference of a metric that differs, and a line: its case, and the number of others."""
+    different = []
+    for variant, seed in cases:
+        a, b = (entry["variants"].get(variant, {}).get("values", {}).get(seed) for entry in (first, second))
+        if first["unit"] != second["unit"] or not is_close(a, b, tolerance):
+            part = abs(a - b) / (max(abs(a), abs(b)) or 1.0) if a is not None and b is not None else np.inf
+            different.append((part, f"{variant}, seed {seed}", a, b))
+    if not different:
+        return None
+    largest, where, a, b = max(different, key=lambda entry: entry[0])
+    digits = 6 if a is None or b is None or f"{a:.6g}" != f"{b:.6g}" else 17
+    texts = " and ".join(
+        "no value" if value is None else f"{value:.{digits}g} {entry['unit']}".rstrip()
+        for value, entry in ((a, first), (b, second))
+    )
+    count = len(different) - 1
+    more = f"; also in {count} other case{'s' * (count > 1)}" if count else ""
+    return largest, f"metric {name} of {where}: {texts}{more}."
+
+
+def is_close(first: float | None, second: float | None, tolerance: float) -> bool:
+    """Whether two numbers differ by no more than a fraction of the larger; None equals None only."""
+    if first is None or second is None:
+        return first is second
+    return abs(first - second) <= tolerance * max(abs(first), abs(second))
