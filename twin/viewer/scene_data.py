@@ -118,7 +118,7 @@ def recorded_system(run: OpenRun, case: tuple[str, int]) -> RecordedSystem:
     except Exception as error:  # a component's module may raise anything
         logging.getLogger("twin").debug("viewer", exc_info=error)
         system = RecordedSystem({}, recorded, scenes)
-    own = (one for one in scenario.expectations if not one.variants or case[0] in one.variants)
+    own = (each for each in scenario.expectations if not each.variants or case[0] in each.variants)
     return replace(system, expectations=tuple(own))
 
 
@@ -126,8 +126,8 @@ def force_band(parts: Sequence[Mapping[str, Any]], expectations: Sequence[Expect
     """Return the band [N] of the displayed contact force from its only expectation; `is_judged` is False if there is not one."""
     shown = {part["kind"]: part["signals"] for part in reversed(parts)}
     signal = shown.get("force", {}).get("measured_force") or shown.get("wall", {}).get("force")
-    own = [one for one in expectations if one.signal is not None and ast.unparse(one.signal.tree) == signal]
-    bands = [(one.at_least, one.at_most) for one in own if None not in (one.at_least, one.at_most)]
+    own = [each for each in expectations if each.signal is not None and ast.unparse(each.signal.tree) == signal]
+    bands = [(each.at_least, each.at_most) for each in own if None not in (each.at_least, each.at_most)]
     return {"band": bands[0], "is_judged": True} if len(own) == len(bands) == 1 else {"is_judged": False}
 
 

@@ -104,7 +104,7 @@ def test_a_simulated_bench(typed, build):
         ("speed", "2 mm/s", "up to 80 mm/s"),
         ("acceleration", "0.4 m/s^2", "up to 4 m/s^2"),
         ("at most, each way", "10 mm", "within the limits"),
-        ("by", "", "-50 mm to 50 mm"),
+        ("by", "", "a way that ends within -20 mm to 30 mm"),
         ("to (homed)", "", "-20 mm to 30 mm"),
         ("speed", "2 mm/s", "up to 80 mm/s"),
         ("acceleration", "0.4 m/s^2", "up to 4 m/s^2"),
