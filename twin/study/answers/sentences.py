@@ -143,9 +143,9 @@ def cut_sentences(answers: Answers) -> list[Sentence]:
     """Return which metrics have no value and which expectations are not judged, with the reason."""
     phrases = {"metric": ("has no value", "have no value"), "expectation": ("is not judged", "are not judged")}
     names: dict[str, dict[str, list[str]]] = {}
-    for one in answers.left_out:
-        variants = f" with {list_names(one.variants)}" if one.variants else ""
-        names.setdefault(one.why, {}).setdefault(one.kind, []).append(f"{one.name}{variants}")
+    for entry in answers.left_out:
+        variants = f" with {list_names(entry.variants)}" if entry.variants else ""
+        names.setdefault(entry.why, {}).setdefault(entry.kind, []).append(f"{entry.name}{variants}")
     return [
         sentence(
             " and ".join(f"{list_names(own)} {phrases[kind][len(own) > 1]}" for kind, own in kinds.items())

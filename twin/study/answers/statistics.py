@@ -137,7 +137,7 @@ def shares(cases: CaseTable) -> list[PassRate]:
     """How often each expectation holds in each variant; an order of variants sample by sample."""
     study, holds = cases.study, cases.holds
     confidence = study.keys.confidence
-    left_out_metrics = {one.name for one in metrics_left_out(cases)}
+    left_out_metrics = {entry.name for entry in metrics_left_out(cases)}
     pass_rates = []
     for k, expectation in enumerate(study.scenario.expectations):
         name = expectation_name(expectation, k)
