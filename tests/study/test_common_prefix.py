@@ -5,6 +5,7 @@ import re
 import threading
 from collections import defaultdict
 from contextlib import closing
+from dataclasses import replace
 
 import pytest
 from pyarrow import parquet
@@ -17,6 +18,7 @@ from twin.fmi import fmu_cache
 from twin.run import RunOptions, run_scenario
 from twin.scenario import load_scenario
 from twin.study import Answers, headline, load_study, resolve_case, run_study, single
+from twin.study.answers.sentences import lowest_pass_rate
 from twin.study.design import CommonPrefixes, StudyRequest, VariantInputs
 from twin.study.execution import Engine, Job
 from twin.study.execution.case_engine import Row
@@ -295,5 +297,7 @@ def test_a_metric_whose_window_a_stopped_case_does_not_reach_has_no_value(tmp_pa
     assert left_out == [("metric", "early", why), ("expectation", "rest", why), ("expectation", "still", why)]
     assert told == [f"Early has no value and rest and still are not judged: {why}."]
     assert not is_judged
+    passing = Answers(CaseTable(study, requests, [replace(row, holds=(True, None, None, None)) for row in rows]))
+    assert lowest_pass_rate(passing) == ("pass", "✓ every case passes, 2 expectations not judged")
     assert not any(spread.metric == "early" for spread in answers.spreads)
     assert not any(pair.metric == "early" for pair in answers.pairs)

@@ -340,5 +340,6 @@ def lowest_pass_rate(answers: Answers) -> tuple[str, str]:
         return ("warn", f"{answers.failed} did not finish") if answers.failed else ("pass", "completed")
     lowest = min(rate.part for rate in answers.shares)
     if lowest == 1.0 and not answers.failed:
-        return "pass", "✓ every case passes"
+        count = sum(entry.kind == "expectation" for entry in answers.left_out)
+        return "pass", "✓ every case passes" + (f", {count} expectation{'s' * (count > 1)} not judged" if count else "")
     return "warn", f"lowest pass rate {percent(lowest)}"
