@@ -5,6 +5,7 @@ import re
 import threading
 from collections import defaultdict
 from contextlib import closing
+from dataclasses import replace
 
 import pytest
 from pyarrow import parquet
@@ -16,10 +17,12 @@ from twin.errors import ScenarioError
 from twin.fmi import fmu_cache
 from twin.run import RunOptions, run_scenario
 from twin.scenario import load_scenario
-from twin.study import load_study, resolve_case, run_study, single
+from twin.study import Answers, headline, load_study, resolve_case, run_study, single
+from twin.study.answers.sentences import lowest_pass_rate
 from twin.study.design import CommonPrefixes, StudyRequest, VariantInputs
 from twin.study.execution import Engine, Job
 from twin.study.execution.case_engine import Row
+from twin.study.execution.case_table import CaseTable
 from twin.study.execution.process_pool import Pool, Process
 
 SCENARIO = """
@@ -265,18 +268,36 @@ def test_a_study_in_processes_gives_what_runs_of_its_cases_give(tmp_path, build)
         assert case.different(run_scenario(again, options)) == []
 
 
-@pytest.mark.parametrize(("stop", "ends"), [("", "1.5 s"), ("", "0.8 s"), ("stop", "1.5 s")])
+@pytest.mark.parametrize(("stop", "ends"), [("", "0.8 s"), ("stop", "1.5 s")])
 def test_a_metric_whose_window_a_stopped_case_does_not_reach_has_no_value(tmp_path, build, stop, ends):
-    """A shorter `stop_time` is the study's own will: there, the value of the shorter window stays."""
+    """Neither if a condition stops it, nor if the stop time of the study is shorter."""
     metric = "early: {signal: heart.position, reduce: max_abs, from: 0.5 s, to: 1.2 s, unit: mm}"
     scenario = patients.SCENARIO.replace("metrics:\n", f"metrics:\n  {metric}\n")
     scenario = scenario.replace("  motion: {signal: heart.position, reduce: max_abs, from: 1 s, unit: mm}\n", "")
     scenario = scenario.replace("stop_time: 1.5 s", f"stop_time: {ends}")
+    scenario += (
+        "  - {name: rest, metric: early, at_most: 0 mm}\n  - {name: still, metric: early, ordered: [plain, soft]}\n"
+    )
     if stop:
         scenario += "events: [{when: heart.position > -1 m, after: 0.8 s, stop: true}]\n"
     study = study_of(tmp_path, patients.STUDY, scenario)
+    requests = list(study.requests())[:2]
     with closing(engine_of(study, build)) as own:
-        row = own.row(next(study.requests()))
-    early = dict(zip(study.scenario.metrics, row.metrics, strict=True))["early"]
-    assert row.status == "done"
-    assert (early is None) is bool(stop)
+        rows = list(map(own.row, requests))
+    assert [dict(zip(study.scenario.metrics, row.metrics, strict=True))["early"] for row in rows] == [None, None]
+    assert [row.status for row in rows] == ["done", "done"]
+    answers = Answers(CaseTable(study, requests, rows))
+    is_judged = {rate.name for rate in answers.shares} >= {"rest", "still"}
+    left_out = [(one["kind"], one["name"], one["why"]) for one in answers.plain()["left_out"]]
+    told = [sentence.text for sentence in headline(answers) if sentence.topic == "Left out"]
+    if ends == "1.5 s":  # of a stopped case what is broken stays broken
+        assert (is_judged, left_out, told) == (bool(stop), [], [])
+        return
+    why = "the cases end at 800 ms, before the end of the window, 1.2 s"
+    assert left_out == [("metric", "early", why), ("expectation", "rest", why), ("expectation", "still", why)]
+    assert told == [f"Early has no value and rest and still are not judged: {why}."]
+    assert not is_judged
+    passing = Answers(CaseTable(study, requests, [replace(row, holds=(True, None, None, None)) for row in rows]))
+    assert lowest_pass_rate(passing) == ("pass", "✓ every case passes, 2 expectations not judged")
+    assert not any(spread.metric == "early" for spread in answers.spreads)
+    assert not any(pair.metric == "early" for pair in answers.pairs)

@@ -306,11 +306,15 @@ def test_the_table_of_variants_has_medians_and_pass_rates(tmp_path):
     rows = [Row(one.number, "done", "", (f, None), (f <= 0.09, None)) for one, f in zip(requests, forces, strict=True)]
     answers = Answers(CaseTable(study, requests, rows))
     found = tables.variants(answers)
-    assert [head[:2] for head in found["columns"]] == [("force_max", "mN"), ("motion", "mm"), ("gentle", "pass rate")]
-    assert found["worth"]
-    plain, soft = found["rows"]
-    assert (plain["name"], plain["bad"], soft["bad"]) == ("plain", True, True)
-    force, motion, gentle = plain["cells"]
+    assert [row["name"] for row in found["rows"]] == ["force_max", "motion", "gentle"]  # more than variants: as rows
+    assert [row["unit"] for row in found["rows"]] == ["mN", "mm", "pass rate"]
+    assert [head[0] for head in found["columns"]] == ["plain", "soft"]
+    assert (found["worth"], found["of"], [row["bad"] for row in found["rows"]]) == (
+        True,
+        "metric",
+        [False, False, True],
+    )
+    force, motion, gentle = (row["cells"][0] for row in found["rows"])
     assert (force["value"], force["text"], force["more"]) == (pytest.approx(55.0), "55", "25 to 95")
     assert motion == {"text": "", "value": None, "kind": "", "more": ""}
     assert (gentle["text"], gentle["value"], gentle["kind"]) == ("83.3 %", pytest.approx(5 / 6), "fail")

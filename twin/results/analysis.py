@@ -5,7 +5,8 @@
 
 The function receives the inputs as arrays in SI by keyword, and returns a dict: a number, or an array as long as its
 inputs, for each name of its attribute `outputs` (name -> unit). Metrics, plots and signals.parquet then contain
-`bouc_wen.alpha_x` like a member's variable. A function that counts rows instead of seconds has an attribute
+`bouc_wen.alpha_x` like a member's variable. An empty dict, as for a run that is too short: there are no such signals, and
+what is expected of them is not judged. A function that counts rows instead of seconds has an attribute
 `row_interval` [s]; a scenario that records at another interval is refused. A function that takes its first row for a
 certain time has `first_row` [s]; a scenario or analysis that begins at another time is refused.
 """
@@ -104,6 +105,8 @@ class Analysis:
             raise
         except Exception as error:  # a user's function may raise anything
             raise TwinError(f"{self.where}: {self.function} failed: {type(error).__name__}: {error}") from error
+        if not results:
+            return signals
         mask = window_mask(np.asarray(signals.time), self.window)
         values, units = dict(signals.values), dict(signals.units)
         for name, variable in self.variables().items():

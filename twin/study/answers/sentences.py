@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from twin.results import common_format
+from twin.results import common_format, list_names
 from twin.study.answers.paired import INDEPENDENT_SAMPLES, MIN_SAMPLES
 from twin.study.answers.statistics import expectation_name
 from twin.study.answers.summary import percent
@@ -49,6 +49,7 @@ def headline(answers: Answers, worst: WorstCase | None = None, tuned: Tuned | No
     """Return the sentences, the most important first. `worst`, `tuned`: results of searches."""
     topics = {
         "Pass rate": [*pass_sentences(answers), *few_sentences(answers)],
+        "Left out": cut_sentences(answers),
         "Worst case": [] if worst is None else [worst_sentence(answers, worst)],
         "Tuning": [] if tuned is None else [tuning_sentence(answers, tuned)],
         "Comparison": pair_sentences(answers),
@@ -136,6 +137,22 @@ def few_sentences(answers: Answers) -> list[Sentence]:
     base = "base " * (study.design.method == "sensitivity")
     text = f"{samples.replace('sample', f'{base}sample')} no statement about other cases or about causes: take at least {MIN_SAMPLES}."
     return [Sentence(text)]
+
+
+def cut_sentences(answers: Answers) -> list[Sentence]:
+    """Return which metrics have no value and which expectations are not judged, with the reason."""
+    phrases = {"metric": ("has no value", "have no value"), "expectation": ("is not judged", "are not judged")}
+    names: dict[str, dict[str, list[str]]] = {}
+    for entry in answers.left_out:
+        variants = f" with {list_names(entry.variants)}" if entry.variants else ""
+        names.setdefault(entry.why, {}).setdefault(entry.kind, []).append(f"{entry.name}{variants}")
+    return [
+        sentence(
+            " and ".join(f"{list_names(own)} {phrases[kind][len(own) > 1]}" for kind, own in kinds.items())
+            + f": {why}."
+        )
+        for why, kinds in names.items()
+    ]
 
 
 def worst_sentence(answers: Answers, worst: WorstCase) -> Sentence:
@@ -323,5 +340,6 @@ def lowest_pass_rate(answers: Answers) -> tuple[str, str]:
         return ("warn", f"{answers.failed} did not finish") if answers.failed else ("pass", "completed")
     lowest = min(rate.part for rate in answers.shares)
     if lowest == 1.0 and not answers.failed:
-        return "pass", "✓ every case passes"
+        count = sum(entry.kind == "expectation" for entry in answers.left_out)
+        return "pass", "✓ every case passes" + (f", {count} expectation{'s' * (count > 1)} not judged" if count else "")
     return "warn", f"lowest pass rate {percent(lowest)}"

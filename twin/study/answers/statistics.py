@@ -9,11 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import stats
 
+from twin import clock
 from twin.study.design import SAMPLED
-from twin.study.execution.case_engine import DONE
+from twin.study.execution.case_engine import DONE, is_cut
 
 if TYPE_CHECKING:
-    from twin.results import Expectation
+    from collections.abc import Sequence
+
+    from twin.results import Expectation, Metric
+    from twin.study.design import Study
     from twin.study.execution.case_table import CaseTable
 
     Array = np.ndarray[Any, Any]
@@ -60,6 +64,16 @@ class PassRate:
     def part(self) -> float:
         """Part of the cases in which it holds."""
         return self.met_count / self.count if self.count else float("nan")
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A metric without a value, or an expectation that is not judged: `kind`, in some `variants` (none: in all), `why`."""
+
+    name: str
+    kind: str
+    variants: tuple[str, ...]
+    why: str
 
 
 def quantile(values: Array, part: float, confidence: float) -> Quantile:
@@ -123,10 +137,13 @@ def shares(cases: CaseTable) -> list[PassRate]:
     """How often each expectation holds in each variant; an order of variants sample by sample."""
     study, holds = cases.study, cases.holds
     confidence = study.keys.confidence
+    left_out_metrics = {entry.name for entry in metrics_left_out(cases)}
     pass_rates = []
     for k, expectation in enumerate(study.scenario.expectations):
         name = expectation_name(expectation, k)
         if expectation.ordered and set(expectation.ordered) <= set(study.variants):
+            if expectation.metric in left_out_metrics:
+                continue
             met, failing, count = in_order(cases, expectation)
             pass_rates.append(
                 PassRate(name, ", ".join(expectation.ordered), met, count, *wilson(met, count, confidence), failing)
@@ -142,6 +159,51 @@ def shares(cases: CaseTable) -> list[PassRate]:
             failing = tuple(number for number, verdict in judged if not verdict)
             pass_rates.append(PassRate(name, variant, met, len(judged), *wilson(met, len(judged), confidence), failing))
     return pass_rates
+
+
+def metrics_left_out(cases: CaseTable) -> list[LeftOut]:
+    """Metrics whose window the cases do not reach, or whose analysis has no result in any case."""
+    study, analyses = cases.study, {analysis.name for analysis in cases.study.scenario.analyses}
+    has_done = any(row.status == DONE for row in cases.rows)
+    entries = []
+    for name, metric in study.scenario.metrics.items():
+        own = analyses & {signal.name.partition(".")[0] for signal in metric.signal.signals}
+        if cut := cut_entry(study, metric, name, "metric", metric.variants):
+            entries.append(cut)
+        elif own and has_done and not np.isfinite(cases.metric(name)).any():
+            entries.append(LeftOut(name, "metric", (), f"no case has a result of the analysis {min(own)}"))
+    return entries
+
+
+def left_out(cases: CaseTable) -> list[LeftOut]:
+    """Metrics that have no value because the cases are too short, and expectations that are not judged for that reason."""
+    study, metrics = cases.study, metrics_left_out(cases)
+    reasons = {metric.name: metric for metric in metrics}
+    entries = [metric for metric in metrics if metric.name in study.metrics]
+    for k, each in enumerate(study.scenario.expectations):
+        name = expectation_name(each, k)
+        is_other = each.ends or each.mean or each.nominal or not set(each.ordered) <= set(study.variants)
+        if is_other or (each.variants and not set(each.variants) & set(study.variants)):
+            continue
+        if each.metric in reasons:
+            variants = reasons[each.metric].variants if not each.variants else ()
+            entries.append(LeftOut(name, "expectation", variants, reasons[each.metric].why))
+        elif each.metric is None and (cut := cut_entry(study, each, name, "expectation", each.variants)):
+            entries.append(cut)
+    return entries
+
+
+def cut_entry(
+    study: Study, judged: Metric | Expectation, name: str, kind: str, variants: Sequence[str]
+) -> LeftOut | None:
+    """Return the entry of what is judged in a window that cases of some `variants` (none: all) do not reach; else None."""
+    own = [variant for variant in study.variants if variant in (variants or study.variants)]
+    cut = tuple(variant for variant in own if is_cut(study.scenario, variant, judged))
+    if not cut or judged.window.stop_ns is None:
+        return None
+    end = clock.text(max(case.stop_ns for case in study.scenario.variants if case.variant in cut))
+    why = f"the cases end at {end}, before the end of the window, {clock.text(judged.window.stop_ns)}"
+    return LeftOut(name, kind, () if len(cut) == len(own) else cut, why)
 
 
 def expectation_name(expectation: Expectation, index: int) -> str:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from twin.study.answers.clusters import FailureCluster
     from twin.study.answers.paired import PairedDifference
     from twin.study.answers.sensitivity import Change, MetricSensitivity
-    from twin.study.answers.statistics import MetricDistribution, PassRate
+    from twin.study.answers.statistics import LeftOut, MetricDistribution, PassRate
     from twin.study.design import KeepKeys
     from twin.study.execution.case_table import CaseTable
 
@@ -30,6 +30,7 @@ class Answers:
         self.cases, self.study = cases, cases.study
         self.spreads: list[MetricDistribution] = statistics.metric_distributions(cases)
         self.shares: list[PassRate] = statistics.shares(cases)
+        self.left_out: list[LeftOut] = statistics.left_out(cases)
         self.clusters: list[FailureCluster] = failing.clusters(cases)
         self.drivers: list[MetricSensitivity] = sensitivity.drivers(cases)
         self.changes: list[Change] = sensitivity.changes(cases)
@@ -100,6 +101,7 @@ class Answers:
                 "expectations": [
                     {**vars(share), "failing": share.failing[:20], "part": share.part} for share in self.shares
                 ],
+                "left_out": [vars(item) for item in self.left_out],
                 "clusters": [
                     {**vars(cluster), "factors": [vars(item) for item in cluster.factors]} for cluster in self.clusters
                 ],

@@ -53,12 +53,15 @@ def columns(answers: Answers) -> list[tuple[str, str, str]]:
 
 
 def variants(answers: Answers) -> dict[str, Any]:
-    """A row for each variant: quantiles of each metric, and how often each expectation holds."""
+    """Quantiles of each metric and pass rates, a row for each variant; `of`: what rows are.
+
+    With fewer variants than metrics and expectations, a row for each of these: the table is narrow enough for a page.
+    """
     study = answers.study
     spreads = {(spread.variant, spread.metric): spread for spread in answers.spreads}
     shares = {(share.variant, share.name): share for share in answers.shares}
     judged = list(dict.fromkeys(share.name for share in answers.shares if share.variant in study.variants))
-    rows = []
+    rows: list[dict[str, Any]] = []
     for variant in study.variants:
         cells = [quantiles(answers, spreads.get((variant, name))) for name in study.metrics]
         for name in judged:
@@ -66,7 +69,16 @@ def variants(answers: Answers) -> dict[str, Any]:
             cells.append(cell(percent(own.part), own.part, "pass" if own.part == 1.0 else "fail") if own else cell())
         rows.append({"name": variant, "cells": cells, "bad": any(cell["kind"] == "fail" for cell in cells)})
     heads = [*columns(answers), *((name, "pass rate", "") for name in judged)]
-    return {"columns": heads, "rows": rows, "worth": len(rows) > 1 and bool(answers.spreads)}
+    is_worth = len(rows) > 1 and bool(answers.spreads)
+    if len(rows) >= len(heads):
+        return {"of": "variant", "columns": heads, "rows": rows, "worth": is_worth}
+    metric_rows = []
+    for k, (name, unit, meaning) in enumerate(heads):
+        cells = [row["cells"][k] for row in rows]
+        is_bad = any(cell["kind"] == "fail" for cell in cells)
+        metric_rows.append({"name": name, "unit": unit, "meaning": meaning, "cells": cells, "bad": is_bad})
+    names = [(variant, "", "") for variant in study.variants]
+    return {"of": "metric", "columns": names, "rows": metric_rows, "worth": is_worth}
 
 
 def quantiles(answers: Answers, spread: MetricDistribution | None) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from twin.coupling import (
     serialization_problems,
 )
 from twin.errors import SimulationError, TwinError
-from twin.results import Signals, ends_before, evaluate, expression
+from twin.results import Signals, evaluate, expression
 from twin.run import apply_analyses, build_simulation, noop, recorded_signals, resolve_catalogs, run_case
 from twin.scenario import Backend, load_scenario
 from twin.study.design import CommonPrefixes, Factor, StudyRequest, VariantInputs
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from twin.coupling import Catalog, SavedState
-    from twin.results import Expression
+    from twin.results import Expectation, Expression, Metric
     from twin.scenario import Case, RecordSpec, ScenarioSpec
 
     Array = np.ndarray[Any, Any]
@@ -113,7 +113,10 @@ class Engine:
         return row
 
     def judged(self, request: StudyRequest, recorded: Signals | None, status: str, why: str) -> Row:
-        """Metrics, verdicts and samples of what was recorded. Of a run that was stopped before a metric's window ended it has no value."""
+        """Metrics, verdicts and samples of what was recorded. A metric whose window the run does not reach has no value.
+
+        Where the stop time is the reason, an expectation in the window does not fail either: a pass rate would have failures alone.
+        """
         metrics, expectations = self.scenario.metrics, self.scenario.expectations
         if recorded is None:
             own = [request.variant in (expectation.variants or (request.variant,)) for expectation in expectations]
@@ -125,19 +128,18 @@ class Engine:
             return Row(request.number, status, why, (None,) * len(metrics), lost)
         recorded = apply_analyses(self.scenario, request.variant, recorded)
         evaluation = evaluate(metrics, expectations, {(request.variant, request.seed): recorded}, paper_applies=False)
-        (planned,) = (case.stop_ns for case in self.scenario.variants if case.variant == request.variant)
-        is_stopped = len(recorded.time) > 0 and ends_before(recorded.time[-2:], clock.seconds(planned))
         values = {
-            result.metric.name: None if is_stopped and result.verdict == "cut" else result.values[request.seed]
+            result.metric.name: None if result.verdict == "cut" else result.values[request.seed]
             for result in evaluation.metric_results
         }
         verdicts: list[bool | None] = []
         for expectation, outcome in zip(expectations, evaluation.expectation_results, strict=True):
-            is_alone = (
-                not (expectation.ordered or expectation.mean or expectation.ends) and outcome.verdict != "skipped"
+            is_judged = not (
+                expectation.ordered or expectation.mean or expectation.ends or outcome.verdict == "skipped"
             )
-            verdicts.append(outcome.verdict == "pass" if is_alone else None)
-            if is_alone and outcome.verdict == "fail" and not why:
+            is_judged &= not is_cut(self.scenario, request.variant, expectation)
+            verdicts.append(outcome.verdict == "pass" if is_judged else None)
+            if is_judged and outcome.verdict == "fail" and not why:
                 why = f"{outcome.name}: {outcome.detail}"
         bands = tuple(self.sampled(band, recorded) for band in self.bands)
         return Row(
@@ -267,6 +269,13 @@ class Cell:
         """Free the members."""
         if self._first is not None:
             self._first.terminate()
+
+
+def is_cut(scenario: ScenarioSpec, variant: str, judged: Metric | Expectation) -> bool:
+    """Whether a variant's stop time is more than an interval of its record before the end of what is judged."""
+    (case,) = (case for case in scenario.variants if case.variant == variant)
+    stop_ns = scenario.metrics.get(getattr(judged, "metric", None) or "", judged).window.stop_ns
+    return stop_ns is not None and stop_ns - case.stop_ns > (case.record.every_ns or case.step_ns)
 
 
 def needed(scenario: ScenarioSpec, bands: Sequence[Expression], case: Case, catalog: Catalog) -> RecordSpec:
