@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -40,6 +41,11 @@ metrics: {reach: {signal: heart.position, reduce: max, unit: mm}}
 )
 def test_values_are_filled_in(text: str, filled: str) -> None:
     assert fill_sentence(text, RESULTS) == filled
+
+
+def test_a_value_of_a_part_of_its_window_is_not_filled_in() -> None:
+    cut = [replace(result, verdict="cut") for result in RESULTS[:1]]
+    assert fill_sentence("Off by {error[PI]}.", cut) == ""
 
 
 def test_wrong_placeholders_are_named() -> None:

@@ -45,7 +45,7 @@ def fill_sentence(text: str, results: Iterable[MetricResult]) -> str:
         group = by_name.get(name, [])
         result = next((each for each in group if variant in (None, each.variant)), None)
         number = None if result is None else {"worst": result.worst, "reference": result.paper}.get(which, result.mean)
-        if result is None or number is None:
+        if result is None or number is None or result.verdict == "cut":
             raise LookupError
         style = metric_format(group)
         return MetricFormat(style.unit, None, style.is_difference).text(number, result.scale, DIGITS)
