@@ -67,7 +67,8 @@ def variants(answers: Answers) -> dict[str, Any]:
         for name in judged:
             own = shares.get((variant, name))
             cells.append(cell(percent(own.part), own.part, "pass" if own.part == 1.0 else "fail") if own else cell())
-        rows.append({"name": variant, "cells": cells, "bad": any(cell["kind"] == "fail" for cell in cells)})
+        is_bad = any(cell["kind"] == "fail" for cell in cells)
+        rows.append({"name": variant, "unit": "", "meaning": "", "cells": cells, "bad": is_bad})
     heads = [*columns(answers), *((name, "pass rate", "") for name in judged)]
     is_worth = len(rows) > 1 and bool(answers.spreads)
     if len(rows) >= len(heads):
