@@ -28,6 +28,7 @@ def test_score_counts_from_the_first_motion():
     assert longer == full  # what comes after the last target does not count
     assert text(full, TARGETS, 1e3, "mm") == "All 2 targets reached in 3.0 s, path 6000 mm"
     assert text(Score({}), TARGETS, 1e3, "mm") == "0 of 2 targets, next: near"
+    assert text(Score({}), TARGETS, 1e3, "mm", "catheter's tip") == "Catheter's tip: 0 of 2 targets, next: near"
 
 
 def test_a_single_number_is_a_signal_too():

@@ -57,14 +57,15 @@ def score(time: NDArray[np.float64], values: NDArray[np.float64], targets: Mappi
     )
 
 
-def text(now: Score, targets: Mapping[str, Any], factor: float, unit: str) -> str:
-    """Return a score in words, the path in the display unit."""
+def text(now: Score, targets: Mapping[str, Any], factor: float, unit: str, label: str = "") -> str:
+    """Return a score in words, the path in the display unit. `label`: of what reaches them, such as the catheter's tip."""
     names = list(targets["points"])
     left = [name for name in names if name not in now.reached]
     figures = f"{now.duration:.1f} s, path {factor * now.path:.0f} {unit}"
+    owner = f"{label[0].upper()}{label[1:]}: " if label else ""
     if not left:
-        return f"All {len(names)} targets reached in {figures}"
-    state = f"{len(now.reached)} of {len(names)} targets, next: {left[0]}"
+        return f"{owner}{'all' if owner else 'All'} {len(names)} targets reached in {figures}"
+    state = f"{owner}{len(now.reached)} of {len(names)} targets, next: {left[0]}"
     return f"{state}; {figures}" if now.duration else state
 
 
@@ -75,8 +76,10 @@ def panel(context: PageContext, picture: Pictures) -> None:
     assert catalog is not None
     targets = catalog.targets
     signal = catalog.signals[targets["signal"].partition("[")[0]]
+    points = [point for scene in catalog.scenes for point in scene["points"]]
+    point_label = next((point["label"] for point in points if point["signal"] == targets["signal"]), "")
     with ui.element("div").classes("twin-score").props("role=status"):
-        label = ui.label(text(Score({}), targets, signal.factor, signal.display_unit)).mark("score")
+        label = ui.label(text(Score({}), targets, signal.factor, signal.display_unit, point_label)).mark("score")
 
     async def update() -> None:
         if live is not context.console.live:
@@ -88,7 +91,7 @@ def panel(context: PageContext, picture: Pictures) -> None:
         if rows is None or not len(rows.time):
             return
         now = score(rows.time, np.asarray(rows.values[targets["signal"]], np.float64), targets)
-        label.text = text(now, targets, signal.factor, signal.display_unit)
+        label.text = text(now, targets, signal.factor, signal.display_unit, point_label)
         picture.show_reached(list(now.reached))
 
     ui.timer(PERIOD, update)
