@@ -302,3 +302,10 @@ def test_a_mistake_is_told(tmp_path, changes, text):
         changed = changed.replace(old, new)
     with pytest.raises(ScenarioError, match=text.replace("(", r"\(")):
         loaded(tmp_path, changed)
+
+
+def test_a_search_needs_a_metric_whose_window_the_cases_reach(tmp_path):
+    scenario = SCENARIO.replace("from: 1 s, unit: mm", "from: 1 s, to: 1.4 s, unit: mm")
+    text = f"{STUDY}set: {{stop_time: 1.2 s}}\nworst: {{metric: motion}}\n"
+    with pytest.raises(ScenarioError, match="the cases end before the window of `motion`"):
+        load_study(study_file(tmp_path, text, scenario))

@@ -10,8 +10,8 @@ import numpy as np
 from scipy import stats
 
 from twin import clock
-from twin.study.design import SAMPLED
-from twin.study.execution.case_engine import DONE, is_cut
+from twin.study.design import SAMPLED, is_cut
+from twin.study.execution.case_engine import DONE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -7,7 +7,7 @@ import lazy_loader
 from twin.study.design.common_prefix import CommonPrefixes, VariantInputs
 from twin.study.design.distribution import Distribution
 from twin.study.design.factor import Assignment, Factor, option
-from twin.study.design.request import SAMPLED, StudyRequest
+from twin.study.design.request import SAMPLED, StudyRequest, is_cut
 
 if TYPE_CHECKING:
     from twin.study.design.keys import KeepKeys
@@ -38,6 +38,7 @@ __all__ = [
     "StudyRequest",
     "VariantInputs",
     "design",
+    "is_cut",
     "load_study",
     "option",
     "problem",

@@ -11,7 +11,7 @@ from twin.component import unit as units
 from twin.coupling import find
 from twin.errors import CouplingError
 from twin.results import format_value, si_conversion
-from twin.scenario import EventSpec, resolve
+from twin.scenario import EventSpec, number, resolve
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -185,3 +185,13 @@ def unit_of(paths: Sequence[str], catalog: Mapping[str, Any]) -> tuple[str, str]
         units = ", ".join(f"{path} in {v.unit or '1'}" for path, v in zip(paths, variables, strict=True))
         raise CouplingError(f"{units}: one factor cannot set all of them. Make a factor for each unit.")
     return variables[0].unit, variables[0].display_unit
+
+
+def limit_in_si(raw: Any, symbol: str) -> float:
+    """A limit of a tuning in SI; a bare number is in SI already, `95 %` is a share."""
+    if not isinstance(raw, str):
+        return float(raw)
+    if raw.rstrip().endswith("%"):
+        return float(raw.rstrip().removesuffix("%")) / 100
+    factor, offset = si_conversion(symbol)
+    return number(raw, symbol, "limit") * factor + offset

@@ -11,7 +11,7 @@ import numpy as np
 
 from twin.errors import CouplingError, ScenarioError
 from twin.identify import read_estimate
-from twin.results import expression, si_conversion
+from twin.results import expression
 from twin.run import resolve_catalogs
 from twin.scenario import (
     KeyFile,
@@ -26,8 +26,9 @@ from twin.scenario import (
     validate,
 )
 from twin.study.design.distribution import Distribution, wrong_numbers
-from twin.study.design.factor import Assignment, Factor, unit_of
+from twin.study.design.factor import Assignment, Factor, limit_in_si, unit_of
 from twin.study.design.keys import FactorKeys, StudyKeys
+from twin.study.design.request import is_cut
 from twin.study.design.sampling import INDEPENDENT, LISTED, design
 from twin.study.design.study import Knob, Limit, Study
 
@@ -307,15 +308,19 @@ class StudyLoader(KeyFile):
         for i, name in enumerate(keys.metrics):
             if name not in metrics:
                 self.add_problem(f"there is no metric `{name}`.{nearest(name, metrics)}", "metrics", i)
-        named = [(one.metric, key) for key, one in (("worst", keys.worst), ("tune", keys.tune)) if one]
-        for name, key in named:
-            if name not in metrics:
-                self.add_problem(f"there is no metric `{name}`.{nearest(name, metrics)}", key, "metric")
-        for key, one in (("worst", keys.worst), ("tune", keys.tune)):
-            if one and one.variant and one.variant not in self.variants:
+        for key, search in (("worst", keys.worst), ("tune", keys.tune)):
+            if not search:
+                continue
+            own = search.variant or self.variants[0]
+            if search.metric not in metrics:
                 self.add_problem(
-                    f"there is no variant `{one.variant}`.{nearest(one.variant, self.variants)}", key, "variant"
+                    f"there is no metric `{search.metric}`.{nearest(search.metric, metrics)}", key, "metric"
                 )
+            if own not in self.variants:
+                self.add_problem(f"there is no variant `{own}`.{nearest(own, self.variants)}", key, "variant")
+            elif search.metric in metrics and is_cut(self.scenario, own, self.scenario.metrics[search.metric]):
+                text = f"the cases end before the window of `{search.metric}`. Raise stop_time."
+                self.add_problem(text, key, "metric")
         if keys.worst and any(one.levels for one in (f.distribution for f in self._sampled())):
             self.add_problem("a factor with `values` cannot be searched. Give it a distribution.", "worst")
 
@@ -372,26 +377,11 @@ class StudyLoader(KeyFile):
                 self.add_problem("has no limit. Add at_most or at_least.", *path)
             else:
                 symbol = self.scenario.metrics[one.metric].unit if one.metric else ""
-                ends = [None if raw is None else si(self._share(raw), symbol) for raw in (one.at_most, one.at_least)]
+                ends = [None if raw is None else limit_in_si(raw, symbol) for raw in (one.at_most, one.at_least)]
                 what = one.expectation or f"{one.of} of {one.metric}"
                 text = f"{what} {'at most' if one.at_most is not None else 'at least'} {one.at_most if one.at_most is not None else one.at_least}"
                 limits.append(Limit(one.metric, one.expectation, one.of, one.quantile, ends[0], ends[1], text))
         return limits
-
-    @staticmethod
-    def _share(raw: Any) -> Any:
-        """`95 %` as a number."""
-        return (
-            float(raw.rstrip().removesuffix("%")) / 100 if isinstance(raw, str) and raw.rstrip().endswith("%") else raw
-        )
-
-
-def si(raw: Any, symbol: str) -> float:
-    """A limit in SI; a bare number is in SI already."""
-    if not isinstance(raw, str):
-        return float(raw)
-    factor, offset = si_conversion(symbol)
-    return number(raw, symbol, "limit") * factor + offset
 
 
 class StudyKeysOrNone(StudyKeys):

@@ -1,8 +1,13 @@
-"""A case that is to be run, as plain data."""
+"""A case that is to be run, as plain data, and what cannot be judged in it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from twin.results import Expectation, Metric
+    from twin.scenario import ScenarioSpec
 
 SAMPLED = "sample"  # part of a study; the others are `worst` and `tune`
 
@@ -26,3 +31,10 @@ class StudyRequest:
     def all_values(self) -> tuple[float, ...]:
         """Of the factors, then of the knobs."""
         return self.values + self.extra
+
+
+def is_cut(scenario: ScenarioSpec, variant: str, judged: Metric | Expectation) -> bool:
+    """Whether a variant's stop time is more than an interval of its record before the end of what is judged."""
+    (case,) = (case for case in scenario.variants if case.variant == variant)
+    stop_ns = scenario.metrics.get(getattr(judged, "metric", None) or "", judged).window.stop_ns
+    return stop_ns is not None and stop_ns - case.stop_ns > (case.record.every_ns or case.step_ns)

@@ -27,14 +27,14 @@ from twin.errors import SimulationError, TwinError
 from twin.results import Signals, evaluate, expression
 from twin.run import apply_analyses, build_simulation, noop, recorded_signals, resolve_catalogs, run_case
 from twin.scenario import Backend, load_scenario
-from twin.study.design import CommonPrefixes, Factor, StudyRequest, VariantInputs
+from twin.study.design import CommonPrefixes, Factor, StudyRequest, VariantInputs, is_cut
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Mapping, Sequence
     from pathlib import Path
 
     from twin.coupling import Catalog, SavedState
-    from twin.results import Expectation, Expression, Metric
+    from twin.results import Expression
     from twin.scenario import Case, RecordSpec, ScenarioSpec
 
     Array = np.ndarray[Any, Any]
@@ -269,13 +269,6 @@ class Cell:
         """Free the members."""
         if self._first is not None:
             self._first.terminate()
-
-
-def is_cut(scenario: ScenarioSpec, variant: str, judged: Metric | Expectation) -> bool:
-    """Whether a variant's stop time is more than an interval of its record before the end of what is judged."""
-    (case,) = (case for case in scenario.variants if case.variant == variant)
-    stop_ns = scenario.metrics.get(getattr(judged, "metric", None) or "", judged).window.stop_ns
-    return stop_ns is not None and stop_ns - case.stop_ns > (case.record.every_ns or case.step_ns)
 
 
 def needed(scenario: ScenarioSpec, bands: Sequence[Expression], case: Case, catalog: Catalog) -> RecordSpec:
