@@ -70,7 +70,8 @@ def pass_sentences(answers: Answers) -> list[Sentence]:
         expectations = "the expectation holds" if names == 1 else f"all {names} expectations hold"
         worst = max(filter(None, (worst_case(answers, rate) for rate in answers.shares)), default=None)
         closest = f"; closest to its limit: case {worst.number}, {worst.text}" if worst else ""
-        text = f"{expectations.capitalize()} in each of {count} cases{closest}."
+        unit = "samples" if len(answers.study.variants) > 1 else "cases"
+        text = f"{expectations.capitalize()} in each of {count} {unit}{closest}."
         return [Sentence(text, worst.number if worst else None)]
     is_sampled, sentences = answers.study.design.method not in ("one_at_a_time", "grid"), list[Sentence]()
     for rate in missed[:MAX_SENTENCES]:
