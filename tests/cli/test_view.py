@@ -169,7 +169,7 @@ def test_a_case_of_a_study_that_was_kept(view, folder):
         ),
         (("runs/swing/latest", "--seed", "9", "-o", "a.html"), "has no such case. Variants: base; seeds: 0."),
         (("runs/swing/latest", "runs/swing/latest", "-o", "a.csv"), ".csv holds one run, not 2. Name one."),
-        (("runs/swin/latest",), "runs/swin: holds no finished run. Did you mean 'swing'?"),
+        (("runs/swin/latest",), "runs/swin: holds no finished run. Looked in "),
         (("hearts:3",), "hearts:3: no study hearts has run in runs."),
         (("runs/swing/latest", "--scene", "--variant", "PI"), "there is no variant 'PI'. Known: base."),
         (
