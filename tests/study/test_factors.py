@@ -15,8 +15,7 @@ from twin.study import load_study
 from twin.study.answers import tables
 from twin.study.design import Assignment, Distribution, Factor
 from twin.study.design.common_prefix import seeded
-from twin.study.design.factor import has_variable, unit_of
-from twin.study.design.loading import si
+from twin.study.design.factor import has_variable, limit_in_si, unit_of
 from twin.study.design.sampling import design, problem, sobol, valued
 
 NAN = float("nan")
@@ -209,4 +208,4 @@ vary:
 )
 def test_a_limit_in_si(raw, symbol, value):
     """A bare number is in SI already."""
-    assert si(raw, symbol) == pytest.approx(value)
+    assert limit_in_si(raw, symbol) == pytest.approx(value)
