@@ -331,14 +331,15 @@ def test_the_score_follows_the_signal(setting):
     import numpy as np
 
     goal = {"signal": "a.tip[1]", "tolerance": 0.5, "points": {"A": 2.0, "B": 4.0}}
-    one = setting(signal("a.tip", factor=1e3), targets=goal)
+    scene = {"points": [{"signal": "a.tip[1]", "label": "tip"}]}
+    one = setting(signal("a.tip", factor=1e3), targets=goal, scenes=[scene])
     marked, rows = [], SimpleNamespace(time=np.array([0.0, 1.0, 2.0]), values={"a.tip[1]": [0.0, 1.0, 2.0]})
     with one.page:
         targets.panel(one.context, SimpleNamespace(show_reached=marked.append))
-    assert one.page.shown() == ["0 of 2 targets, next: A"]
+    assert one.page.shown() == ["Tip: 0 of 2 targets, next: A"]
     one.live.values["read"] = lambda names: rows if names == ["a.tip[1]"] else None
     one.page.tick()
-    line = "1 of 2 targets, next: B; 1.0 s, path 2000 mm"
+    line = "Tip: 1 of 2 targets, next: B; 1.0 s, path 2000 mm"
     assert (one.page.shown(), marked) == ([line], [["A"]])
 
     def refuse(_):
