@@ -2,6 +2,8 @@
 
 Each step is a command (`commissioning_steps`, `typed`), with fields for its options; its output is shown. The page holds a button
 and reports its presence; every decision about motion is made in the process of the command.
+
+Over 400 lines: one page, from its live state to the last step; what a step is and does is in `commissioning_steps` and `typed`.
 """
 
 from __future__ import annotations

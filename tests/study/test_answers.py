@@ -1,4 +1,7 @@
-"""What a study tells: intervals that are known, causes that are put in, pages that stand alone."""
+"""What a study tells: intervals that are known, causes that are put in, pages that stand alone.
+
+Over 400 lines: one study with known causes serves all tests.
+"""
 
 import json
 import re
