@@ -81,7 +81,7 @@ class Rig:
         return program.begun(line, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
     def ended(self, process, act=None, after=0):
-        """Exit code, what it told, and whether it homed. `act` after so many cycles in csp."""
+        """Exit code, what it told (on one line), and whether it homed. `act` after so many cycles in csp."""
         homed, cycles = False, 0
         while process.poll() is None:
             message = self.bus.recv(0.05)
@@ -92,7 +92,7 @@ class Rig:
                     act()
                     act = None
         assert act is None, process.communicate()[0]
-        return process.returncode, process.communicate()[0], homed
+        return process.returncode, " ".join(process.communicate()[0].split()), homed
 
     def reset(self):
         done = CliRunner().invoke(hil.command, ["reset", str(self.bench), "--build", str(self.build)])

@@ -48,7 +48,8 @@ class Scene:
         self.bus = can.Bus(channel=hil.GROUP, interface="udp_multicast", port=port)
         self.syncs, self.client = 0, None
         self.output = (folder / "output.txt").open("w+")
-        self.program = program.begun(line, stdout=self.output, stderr=self.output, text=True)
+        self.notes = (folder / "notes.txt").open("w")
+        self.program = program.begun(line, stdout=self.output, stderr=self.notes, text=True)
 
     def listen(self, seconds, done=never):
         """Hear messages, with the time when they reached this machine."""
@@ -108,6 +109,7 @@ class Scene:
         self.program.wait()
         self.bus.shutdown()
         self.output.close()
+        self.notes.close()
 
 
 @pytest.fixture
