@@ -44,8 +44,10 @@ for number, handler in (("SIGINT", signal.default_int_handler), ("SIGHUP", signa
     if (ignored := getattr(signal, number, None)) and signal.getsignal(ignored) is signal.SIG_IGN:
         signal.signal(ignored, handler)
 
-# output is compared line by line; workers of xdist have COLUMNS=80
+# output is compared line by line; workers of xdist have COLUMNS=80, and readline, which pytest imports, sets it for
+# programs that tests start, unseen by os.environ
 os.environ.pop("COLUMNS", None)
+os.unsetenv("COLUMNS")
 
 # workers share the cores already: threads of theirs would only wait for each other
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
