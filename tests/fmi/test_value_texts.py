@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from lxml import etree
 
 from tests.every_case import every_case
 from twin.coupling import MemberVariable
 from twin.errors import FMUError
-from twin.fmi import csv_tables, units, values
+from twin.fmi import csv_tables, model_description, units, values
 from twin.fmi.model_description import DeclaredUnit
 from twin.fmi.variables import FMI3_TYPES
 
@@ -198,7 +199,7 @@ def test_units_with_another_meaning_get_it_written_behind_them():
         ("m", ""): ("m", ""),
         ("m", "mm"): ("m", "mm"),
         ("m", "N"): ("m", "N {2.0 m + 0.0}"),
-        ("m", "zero"): ("m", "zero"),
+        ("m", "zero"): ("m", ""),
         ("s", ""): ("s {2.0 m + 0.0}", ""),
         ("K", ""): ("K", ""),
         ("K", "A"): ("K", "A {1.0 K + 273.15}"),
@@ -213,3 +214,14 @@ def test_units_with_another_meaning_get_it_written_behind_them():
         )
     ]
     assert shown == [("s {2.0 m + 0.0}", ""), ("s {2.0 m + 0.0}", "x"), ("m", "N {2.0 m + 0.0}"), ("N", ""), ("", "")]
+
+
+def test_nothing_is_shown_in_a_display_unit_of_the_inverse():
+    """5 m/s are 3.33 min/km, not 83.3."""
+    displays = "".join(
+        f'<DisplayUnit name="{name}" factor="{factor}"{more}/>'
+        for name, factor, more in (("km/h", 3.6, ' inverse="false"'), ("min/km", 16.7, ' inverse="true"'))
+    )
+    element = etree.fromstring(f'<Unit name="m/s"><BaseUnit m="1" s="-1"/>{displays}</Unit>')
+    found = units.names([model_description.unit(element)])
+    assert found == {("m/s", ""): ("m/s", ""), ("m/s", "km/h"): ("m/s", "km/h"), ("m/s", "min/km"): ("m/s", "")}

@@ -102,7 +102,10 @@ class Declared:
 
 @dataclass(frozen=True, slots=True)
 class DeclaredUnit:
-    """A unit in base units, or by its name alone (no `factor`); display units are (name, factor, offset)."""
+    """A unit in base units, or by its name alone (no `factor`); display units are (name, factor, offset).
+
+    Factor 0: of the inverse, as min/km of m/s, in which nothing is shown.
+    """
 
     name: str
     factor: float | None
@@ -361,7 +364,11 @@ def unit(element: Any) -> DeclaredUnit:
             float(attributes.pop("offset", 0.0)),
             tuple(int(attributes.get(symbol, 0)) for symbol in units.BASE),
             tuple(
-                (child.get("name", ""), float(child.get("factor", 1.0)), float(child.get("offset", 0.0)))
+                (
+                    child.get("name", ""),
+                    0.0 if child.get("inverse") in ("true", "1") else float(child.get("factor", 1.0)),
+                    float(child.get("offset", 0.0)),
+                )
                 for child in element.iterfind("DisplayUnit")
             ),
         )

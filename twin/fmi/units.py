@@ -31,7 +31,7 @@ def names(units: Iterable[DeclaredUnit]) -> Names:
         )
         unit_names[declared_unit.name, ""] = text, ""
         for name, part, offset in declared_unit.displays:
-            shown = name
+            shown = name if part else ""
             if size is not None and part:
                 # shown = part * value + offset, and base = size.factor * value + size.offset
                 factor = size.factor / part
