@@ -225,3 +225,22 @@ def test_nothing_is_shown_in_a_display_unit_of_the_inverse():
     element = etree.fromstring(f'<Unit name="m/s"><BaseUnit m="1" s="-1"/>{displays}</Unit>')
     found = units.names([model_description.unit(element)])
     assert found == {("m/s", ""): ("m/s", ""), ("m/s", "km/h"): ("m/s", "km/h"), ("m/s", "min/km"): ("m/s", "")}
+
+
+def test_units_of_differences_have_no_offset():
+    """5 K of a temperature difference are 5 degC, not -268.15 degC."""
+    found = units.names([DeclaredUnit("K", 1.0, 0.0, TEMPERATURE, (("degC", 1.0, -273.15), ("mK", 1000.0, 0.0)))])
+    for given, expected in (("degC", "degC {1.0 K + 0.0}"), ("mK", "mK"), ("", ""), ("flubs", "flubs")):
+        one = units.named(variable("Float64", unit="K", display_unit=given), found, is_relative=True)
+        assert (one.unit, one.display_unit) == ("K", expected)
+    absolute = units.named(variable("Float64", unit="K", display_unit="degC"), found)
+    assert absolute.display_unit == "degC"
+
+
+@every_case(
+    ("own", "of_type", "expected"),
+    [("", "", False), ("", "true", True), ("true", "", True), ("false", "true", False), ("true", "false", True)],
+)
+def test_a_difference_is_declared_by_the_variable_or_by_its_type(own, of_type, expected):
+    element, type_element = (etree.Element("x", {"relativeQuantity": text} if text else {}) for text in (own, of_type))
+    assert model_description.is_relative(element, model_description.common(type_element, "").is_relative) is expected
