@@ -1,8 +1,10 @@
 """Whatever a component can read changes its fingerprint: values two by two, in milliseconds. See test_edits.py for files."""
 
+import textwrap
+
 from tests.compiler.value_pairs import PAIRS
 from tests.every_case import every_case
-from twin.compiler.fingerprint import fingerprint
+from twin.compiler.fingerprint import Trace, fingerprint
 from twin.compiler.introspection import descriptor_names
 
 
@@ -25,6 +27,28 @@ def test_what_does_not_show_what_it_holds_is_untraceable():
         yield 1
 
     assert fingerprint(generator()) is None
+
+
+@every_case("function", [fingerprint, textwrap.dedent])
+def test_functions_of_the_engine_and_of_python_count_by_their_name(function):
+    trace = Trace(frozenset())
+    trace.function(function)
+    assert trace.texts == [repr(("function", function.__module__, function.__qualname__))]
+    assert (trace.objects, trace.modules) == ([], {})
+
+
+def test_a_function_counts_once():
+    """Its code refers to itself by a closure."""
+
+    def outer():
+        return outer
+
+    trace = Trace(frozenset())
+    trace.function(outer)
+    before = len(trace.texts)
+    trace.function(outer)
+    assert [text.startswith(("('function'", "('known'")) for text in trace.texts[before:]] == [True, True]
+    assert before > 2
 
 
 def test_arguments_do_not_run_into_each_other():

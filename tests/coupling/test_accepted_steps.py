@@ -168,6 +168,13 @@ def test_anderson_solves_two_linear_equations_in_three_iterations():
     np.testing.assert_allclose(found[2], np.linalg.solve(np.eye(2) - MATRIX, RIGHT), rtol=1e-9)
 
 
+def test_anderson_is_as_fast_for_small_differences():
+    """Its regularization is relative to the largest product of differences, here 1e-20."""
+    own = implicit([0.0] * 3, [0.0] * 3)
+    found = iterate(implicit_step.anderson, own, lambda x: MATRIX @ x + 1e-10 * RIGHT, 4)
+    np.testing.assert_allclose(found[2], 1e-10 * np.linalg.solve(np.eye(2) - MATRIX, RIGHT), rtol=1e-9)
+
+
 def test_aitken_follows_irons_and_tuck():
     own, relaxations = implicit([0.0] * 3, [0.0] * 3, [1.0, 1.0, 1.0], floor=1e300), [1.0]
     own.floor = 100.0  # one size for all, so that products are plain ones

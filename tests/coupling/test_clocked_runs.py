@@ -124,7 +124,7 @@ def test_delays_are_those_of_the_order_and_of_periods(build):
 
     assert delays("jacobi") == [1, 1, 1]
     assert delays("gauss_seidel") == [0, 0, 1]
-    assert delays("gauss_seidel", {"b": 4 * MS}) == [3, 1, 1], "what a slow member takes and gives is held"
+    assert delays("gauss_seidel", {"b": 4 * MS}) == [3, 0, 1], "what a slow member takes is held"
     assert delays("jacobi", {"b": 4 * MS}) == [4, 1, 1]
     assert delays("iterative") == [0, 0, 0]
     assert delays("iterative", {"b": 4 * MS}) == [4, 1, 0]

@@ -58,6 +58,20 @@ def test_what_a_slow_member_takes_is_as_old_as_its_delay_says(build, algorithm):
     np.testing.assert_allclose(slow[published], (published - delay // MS) / 1000)
 
 
+@pytest.mark.parametrize(("algorithm", "delay"), [(Algorithm.jacobi, 1), (Algorithm.gauss_seidel, 0)])
+def test_who_is_fast_sees_a_slow_member_as_late_as_its_delay_says(build, algorithm, delay):
+    parts = {"fast": Hold(), "clock": Clock(), "slow": SlowHold()}
+    coupled = couple(build, parts, ["clock.y -> slow.u", "slow.y -> fast.u"], algorithm)
+    assert [found for link, found in coupled.delays() if link.target.member == "fast"] == [delay * MS]
+    coupled.initialize(0)
+    coupled.advance(40 * MS)
+    recorded = coupled.recording().signals
+    slow, fast = recorded["slow.y"], recorded["fast.y"]
+    assert len(set(slow.tolist())) > 3
+    assert fast[1:].tolist() == slow[1 - delay : len(slow) - delay].tolist()
+    coupled.terminate()
+
+
 @pytest.mark.parametrize("algorithm", Algorithm)
 def test_a_slow_member_publishes_when_due(build, algorithm):
     parts = {"clock": SlowClock(), "slow": SlowHold(), "fast": Hold()}

@@ -159,3 +159,18 @@ def test_check_proposes_a_step(masses, tmp_path):
     assert "jacobi at 1.25 ms is unstable at t = " in done.output
     assert "a deviation grows 1.001 times in 1.25 ms, mostly a." in done.output
     assert "Use step: 312.5 us or algorithm: {name: iterative, order: 1}" in done.output
+
+
+@pytest.mark.slow
+def test_slow_growth_counts_in_a_long_run(tmp_path):
+    """A spring that a mass feels a step late adds energy: in steps of 0.625 ms some 0.05 / s, 16 times in 60 s."""
+    (tmp_path / "s.yaml").write_text(
+        "stop_time: 60 s\nstep: 625 us\nmembers:\n"
+        "  mass: {component: 'tests.fmi.exchange_parts:Body'}\n"
+        "  spring: {component: 'tests.fmi.exchange_parts:Spring', parameters: {stiffness: 100.0, damping: 0.0}}\n"
+        "connections:\n  - {from: mass.x, to: spring.xb}\n  - {from: spring.f, to: mass.f}\n"
+    )
+    done = CliRunner().invoke(check, [str(tmp_path / "s.yaml"), "--stability"])
+    assert "jacobi at 625 us is unstable at t = 0 s: a deviation grows 1.0000" in done.output
+    short = CliRunner().invoke(check, [str(tmp_path / "s.yaml"), "--stability", "--set", "stop_time=1 s"])
+    assert "jacobi at 625 us is stable" in short.output

@@ -19,7 +19,7 @@ def real(name, causality, reference, size, variability="continuous"):
 class LinearMember:
     """As many rows and columns as the matrices have; `start`: states; `level`: an event where the first state passes it."""
 
-    solver, tolerance, begin, sensitivity = "", None, 0.0, None
+    solver, tolerance, begin, sensitivity, followed = "", None, 0.0, None, None
 
     def __init__(self, name, a, b=(), c=(), d=None, e=None, f=None, p=(), start=None, level=None):
         a, b, c = (np.atleast_2d(np.asarray(one, float)) for one in (a, b, c))

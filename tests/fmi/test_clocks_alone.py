@@ -15,14 +15,14 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("clocks")
 
 
-def alone(folder, model, stop, step, starts=None, rows=None, record=(), **options):
+def alone(folder, model, stop, step, starts=None, rows=None, record=(), start=None, **options):
     """Results of an FMU alone, and how it ended."""
     one = member("one", clocks_fmu(folder, model), starts or {}, **options)
     table = None
     if rows:
         (folder / "rows.csv").write_text("\n".join(rows))
         table = csv_tables.read_inputs(folder / "rows.csv", one)
-    outcome = simulate(one, plan(one, stop=stop, step=step, record=record), table)
+    outcome = simulate(one, plan(one, start=start, stop=stop, step=step, record=record), table)
     assert not outcome.failure, outcome.failure
     return {name: column.tolist() for name, _, column in outcome.results.columns()}
 
@@ -110,6 +110,13 @@ def test_alone_with_rows(folder):
     assert found["triggered_count"] == [0, 0, 1, 1, 1]
     assert found["seen"] == [0, 0, 4, 4, 4]
     assert found["countdown_count"] == [0, 0, 0, 1, 1]
+
+
+def test_alone_a_row_at_zero_lets_a_clock_tick_within_a_step(folder):
+    rows = ["time,triggered,d", "-1,0,0", "0,1,4", "0.1,0,4", "0.4,1,5"]
+    found = alone(folder, "Kinds", 0.5, 0.3, rows=rows, record=("triggered_count", "seen"), start=-1.0)
+    assert found["triggered_count"] == [0, 0, 0, 0, 1, 2]
+    assert found["seen"] == [0, 0, 0, 0, 4, 5]
 
 
 @pytest.mark.parametrize("step", [0.05, 0.4])

@@ -40,6 +40,15 @@ def test_linear_between_rows(tmp_path, build):
     assert found["wall.tip_position"][1:] == pytest.approx(found["operator.position"][:-1] * 1e-3)
 
 
+def test_rows_closer_than_a_thousandth_of_a_step(tmp_path, build, monkeypatch):
+    """Rows of 10 us and steps of 50 ms: at 0.1, 0.15, ..., 0.5 s the position is the time in mm."""
+    rows = "".join(f"{k / 1e5},{k / 1e5},0\n" for k in range(60_000))
+    monkeypatch.setitem(globals(), "TABLE", f"time,position [mm],speed [m/s]\n{rows}")
+    for hold in ("false", "true"):
+        position = followed(tmp_path, build, hold)["operator.position"]
+        assert position == pytest.approx([0.1 + 0.05 * k for k in range(9)], abs=1e-9)
+
+
 def test_held_between_rows(tmp_path, build):
     assert followed(tmp_path, build, "true")["operator.position"].tolist() == [1, 1, 1, 1, 2, 2, 4, 4, 4]
 

@@ -175,6 +175,15 @@ def test_an_input_that_jumps_between_communication_points(built, tmp_path):
     assert found["total"] == pytest.approx(exact, abs=1e-8)
 
 
+@pytest.mark.parametrize("solver", ["Radau", "RK45", "BDF"])
+def test_a_pulse_of_an_input_within_a_step(built, tmp_path, solver):
+    """At rest a solver would step across it."""
+    inputs = tmp_path / "inputs.csv"
+    inputs.write_text("time,f\n0,0\n0.4,0\n0.41,1\n0.42,0\n1,0\n")
+    _, found, _ = alone(built(Body), 1.0, 0.5, inputs, interface="model_exchange", solver=solver)
+    assert found["v"][-1] == pytest.approx(0.01, abs=1e-5)
+
+
 # ------------------------------------------------------------------------------------------------------- in one state
 
 

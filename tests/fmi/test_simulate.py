@@ -177,14 +177,26 @@ def test_rows_whose_times_are_not_quite_those_of_the_steps(gain: Path, kind: str
 
 @given(st.lists(st.integers(0, 40_000), min_size=1, max_size=30), st.integers(-20_000, 20_000))
 def test_rows_keep_their_order_and_their_times(ticks: list[int], start: int) -> None:
-    """Only what is within a thousandth of a step is moved, and the steps' own times are met exactly."""
+    """Only what is within a thousandth of a step is moved, the nearest time, and the steps' own times are met exactly."""
     times = np.array(sorted(ticks)) * 1e-9
     moved = Inputs(times).on_steps(start, 1000, 12).times
     assert (np.diff(moved) >= 0).all()
     assert np.abs(moved - times).max() <= 1.0000001e-9
     for k in range(12):
         t = (start + k * 1000) / 1e9
-        assert all(one == t for one in moved if abs(one - t) < 0.9e-9)
+        near = np.abs(times - t)[np.abs(times - t) < 0.9e-9]
+        assert (moved == t).sum() == (near == near.min(initial=1.0)).sum()
+
+
+def test_rows_closer_than_a_thousandth_of_a_step_are_not_one(gain: Path) -> None:
+    """A ramp in rows of 10 us and an edge of 50 us: at each step of 0.1 s the value is that of the row there."""
+    times = np.arange(0, 80_001) * 1e-5
+    Path("in.csv").write_text("time,u\n" + "".join(f"{t:.5f},{t:.5f}\n" for t in times))
+    run(gain, "-i", "in.csv", "--stop-time", 0.8, "--step-size", 0.1, "-r", "u")
+    assert np.array(rows("Gain_out.csv")[1], float)[1:, 1] == pytest.approx(np.arange(8) / 10, abs=1e-12)
+    Path("in.csv").write_text("time,u\n0,0\n0.3,0\n0.30005,5\n1,5\n")
+    run(gain, "-i", "in.csv", "--stop-time", 0.8, "--step-size", 0.1, "-r", "u")
+    assert np.array(rows("Gain_out.csv")[1], float)[1:, 1].tolist() == [0, 0, 0, 0, 5, 5, 5, 5]
 
 
 def test_units(native: Path, tmp_path: Path) -> None:

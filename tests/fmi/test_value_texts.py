@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from lxml import etree
 
 from tests.every_case import every_case
 from twin.coupling import MemberVariable
 from twin.errors import FMUError
-from twin.fmi import csv_tables, units, values
+from twin.fmi import csv_tables, model_description, units, values
 from twin.fmi.model_description import DeclaredUnit
 from twin.fmi.variables import FMI3_TYPES
 
@@ -198,7 +199,7 @@ def test_units_with_another_meaning_get_it_written_behind_them():
         ("m", ""): ("m", ""),
         ("m", "mm"): ("m", "mm"),
         ("m", "N"): ("m", "N {2.0 m + 0.0}"),
-        ("m", "zero"): ("m", "zero"),
+        ("m", "zero"): ("m", ""),
         ("s", ""): ("s {2.0 m + 0.0}", ""),
         ("K", ""): ("K", ""),
         ("K", "A"): ("K", "A {1.0 K + 273.15}"),
@@ -213,3 +214,33 @@ def test_units_with_another_meaning_get_it_written_behind_them():
         )
     ]
     assert shown == [("s {2.0 m + 0.0}", ""), ("s {2.0 m + 0.0}", "x"), ("m", "N {2.0 m + 0.0}"), ("N", ""), ("", "")]
+
+
+def test_nothing_is_shown_in_a_display_unit_of_the_inverse():
+    """5 m/s are 3.33 min/km, not 83.3."""
+    displays = "".join(
+        f'<DisplayUnit name="{name}" factor="{factor}"{more}/>'
+        for name, factor, more in (("km/h", 3.6, ' inverse="false"'), ("min/km", 16.7, ' inverse="true"'))
+    )
+    element = etree.fromstring(f'<Unit name="m/s"><BaseUnit m="1" s="-1"/>{displays}</Unit>')
+    found = units.names([model_description.unit(element)])
+    assert found == {("m/s", ""): ("m/s", ""), ("m/s", "km/h"): ("m/s", "km/h"), ("m/s", "min/km"): ("m/s", "")}
+
+
+def test_units_of_differences_have_no_offset():
+    """5 K of a temperature difference are 5 degC, not -268.15 degC."""
+    found = units.names([DeclaredUnit("K", 1.0, 0.0, TEMPERATURE, (("degC", 1.0, -273.15), ("mK", 1000.0, 0.0)))])
+    for given, expected in (("degC", "degC {1.0 K + 0.0}"), ("mK", "mK"), ("", ""), ("flubs", "flubs")):
+        one = units.named(variable("Float64", unit="K", display_unit=given), found, is_relative=True)
+        assert (one.unit, one.display_unit) == ("K", expected)
+    absolute = units.named(variable("Float64", unit="K", display_unit="degC"), found)
+    assert absolute.display_unit == "degC"
+
+
+@every_case(
+    ("own", "of_type", "expected"),
+    [("", "", False), ("", "true", True), ("true", "", True), ("false", "true", False), ("true", "false", True)],
+)
+def test_a_difference_is_declared_by_the_variable_or_by_its_type(own, of_type, expected):
+    element, type_element = (etree.Element("x", {"relativeQuantity": text} if text else {}) for text in (own, of_type))
+    assert model_description.is_relative(element, model_description.common(type_element, "").is_relative) is expected

@@ -160,6 +160,17 @@ def test_ectopic_beats_come_as_often_as_they_are_told(native):
     assert lengths[early] + lengths[early + 1] == pytest.approx(2.0, abs=1e-3)
 
 
+@pytest.mark.parametrize("rate", [0.2, 0.45, 0.5, 3.0])
+def test_a_beat_with_its_own_systole_never_runs_backward(rate):
+    heart = Heart(rate=rate, blend_in=0.0, systole_by_rate=True)
+    heart.initialize()
+    paces = []
+    for k in range(300):
+        heart.derivatives(k / 100 / rate)
+        paces.append(heart.pace)
+    assert min(paces) > 0.05
+
+
 @pytest.mark.parametrize(("rate", "part"), [(0.8, 0.356), (1.0, 0.42), (2.0, 0.588)])
 def test_systole_takes_its_own_time(native, rate, part):
     """The part of a beat in which the position runs through what is systole at 1 Hz."""

@@ -173,8 +173,11 @@ def test_estimates_that_change_are_written_in_place(problem, estimates, tmp_path
     assert np.isnan(recording.in_band)
     recording.write(estimates[:5])
     changed = [Estimate(**{**vars(one), "values": one.values + 1.0}) for one in estimates[2:4]]
+    rows = recording.folder / ".recording" / "0.rows"
+    size = rows.stat().st_size // 5
     recording.write(changed)  # the fifth is no longer there
     assert recording.count == 4
+    assert rows.stat().st_size == 4 * size, "a run that is killed here is recovered without it"
     recording.write(estimates[4:])
     assert recording.count == 7
     assert recording.in_band == in_band(estimates)

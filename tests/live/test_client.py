@@ -320,6 +320,22 @@ def test_the_end_of_the_process(catalog, code, phase, message):
     peer.live.close()
 
 
+@pytest.mark.parametrize("is_asked", [False, True])
+def test_a_process_that_dies_after_its_reason_or_when_it_is_asked_to(is_asked):
+    """What is known already is no death without a reason."""
+    peer = Peer(3)
+    if is_asked:
+        peer.live._ends = True
+    else:
+        peer.say(lambda live: live.state.phase == "failed", failed=["a.yaml:1: wrong"])
+    peer.end()
+    peer.live._listener.join(5.0)
+    assert (peer.live.state.phase, peer.live.state.message) == (
+        ("stopped", "") if is_asked else ("failed", "a.yaml:1: wrong")
+    )
+    assert peer.live._problems == ([] if is_asked else ["a.yaml:1: wrong"])
+
+
 def test_a_session_that_cannot_begin():
     peer = Peer()
     peer.say(lambda live: live.state.phase == "failed", failed=["a.yaml:1: wrong", "more"])

@@ -44,6 +44,18 @@ def written(source, target, cases):
         return messages, summary
 
 
+def test_a_run_that_begins_before_zero_is_refused(tmp_path):
+    time, force = wave(100.0, 0.5)
+    source = (
+        folder_of(tmp_path / "run", {("PI", 1): (time - 0.1, {"sensor.force": force})}, [FORCE]) / "signals.parquet"
+    )
+    with pytest.raises(
+        TwinError, match=r"^PI, seed 1 begins at -0\.1 s: MCAP has no negative times\. Write \.csv or \.mat\.$"
+    ):
+        written(source, tmp_path / "a.mcap", {("PI", 1)})
+    assert not (tmp_path / "a.mcap").exists()
+
+
 def test_messages_are_the_samples(source, tmp_path):
     messages, summary = written(source, tmp_path / "a.mcap", {("PI", 1)})
     time, force = wave(100.0, 0.5)

@@ -111,7 +111,7 @@ def test_where_no_setting_is_stable_none_is_named(linearized):
     ],
 )
 def test_growth_that_counts(coupled, model, stable):
-    assert StabilityVerdict(growing(coupled), growing(model), 0).is_stable == stable
+    assert StabilityVerdict(growing(coupled), growing(model), 0, 1.0).is_stable == stable
 
 
 @pytest.fixture

@@ -237,6 +237,30 @@ def test_elements_of_arrays_and_values_of_arrays(bench, build):
     np.testing.assert_array_equal(recorded["b.y"][-1], recorded["a.y"][-2])
 
 
+def test_an_outer_array_overrides_an_inner_element(bench, build):
+    """The component says 1 2 and then 5 for the first element, the system around it 7 8."""
+
+    def gains(name, *values):
+        texts = "".join(
+            f'<ssv:Parameter name="{name}{index}"><ssv:Float64 value="{text}"/>{more}</ssv:Parameter>'
+            for index, text, more in values
+        )
+        inside = f'<ssv:ParameterSet version="2.0" name="p"><ssv:Parameters>{texts}</ssv:Parameters></ssv:ParameterSet>'
+        return (
+            f"<ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues>{inside}</ssd:ParameterValues>"
+            "</ssd:ParameterBinding></ssd:ParameterBindings>"
+        )
+
+    size = '<ssc:Dimension size="2"/>'
+    inner = gains("gain", ("", "1 2", size), ("[1]", "5", ""))
+    text = description(
+        system(component("a", "resources/pair.fmu", more=inner), before=gains("a.gain", ("", "7 8", size))),
+        version="2.0",
+    )
+    path = bench.ssp(text, {"resources/pair.fmu": fmu(Pair, build, "3.0")})
+    assert bench.run(path, "a.u=[1, 1]")["a.y"][-1].tolist() == [7.0, 8.0]
+
+
 @given(st.lists(st.text(min_size=1, max_size=8).filter(lambda one: "." not in one), min_size=1, max_size=4))
 @example(["0_:"])
 @example(["a_xf:"])

@@ -93,6 +93,19 @@ def test_the_same_system_gives_the_same_archive(bench, scenario_file):
     assert first == second
 
 
+@pytest.mark.parametrize(
+    ("variants", "name"), [("", "ramp"), ("one: {}", "ramp"), ("one: {}, two: {title: second}", "ramp_one")]
+)
+def test_a_system_has_the_name_of_its_variant_if_there_are_several(bench, variants, name):
+    path = bench.folder / "ramp.yaml"
+    path.write_text(
+        f"stop_time: 2 ms\nmembers: {{drive: {{component: 'tests.ssp.parts:Ramp'}}}}\nvariants: {{{variants}}}\n"
+    )
+    target, _ = packed_as(bench, path, "2.0")
+    root = etree.fromstring(zipfile.ZipFile(target).read("SystemStructure.ssd"))
+    assert root.get("name") == name
+
+
 @pytest.mark.slow
 def test_fmpy_gets_the_same_values(bench):
     own = bench.folder / "plain.yaml"

@@ -9,7 +9,7 @@ from lxml import etree
 from tests.every_case import every_case
 from twin.errors import ScenarioError
 from twin.ssp import writer
-from twin.ssp.document import NAMESPACE, violations
+from twin.ssp.document import NAMESPACE, declare_prefixes, violations
 from twin.ssp.model import Linear
 from twin.ssp.writer import OutlineComponent, OutlineConnection, Port, SystemOutline, Value
 
@@ -214,6 +214,22 @@ NOTE = (
 def note(kind, tag):
     """An annotation of another tool."""
     return NOTE.format(kind, tag).encode()
+
+
+@pytest.mark.parametrize(
+    ("prefix", "part"),
+    [
+        ("ssd", "SystemStructureDescription"),
+        ("ssc", "SystemStructureCommon"),
+        ("ssv", "SystemStructureParameterValues"),
+        ("ssm", "SystemStructureParameterMapping"),
+        ("ssb", "SystemStructureSignalDictionary"),
+    ],
+)
+def test_an_undeclared_prefix_has_its_usual_namespace(prefix, part):
+    content, prefixes = declare_prefixes(f"<{prefix}:Root/>".encode())
+    assert prefixes == [prefix]
+    assert etree.fromstring(content).tag == f"{{http://ssp-standard.org/SSP1/{part}}}Root"
 
 
 def test_annotations_of_others_are_kept_except_the_step():

@@ -258,4 +258,4 @@ def test_growth_of_the_model_is_that_of_infinitely_short_steps(masses, build, mo
     coupled = linearized(case)
     found = coupling_report.model_growth(case, {}, build, 0, coupled)
     assert found.rate == pytest.approx(-0.5)
-    assert coupling_report.is_growing(coupled, found) is (coupled.rate > 0.0)
+    assert coupling_report.is_growing(coupled, found, 0.1) is (coupled.rate > 0.0)

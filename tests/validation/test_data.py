@@ -52,6 +52,7 @@ def test_a_change_twice_as_large_as_in_training_is_a_jump():
     columns = {"q": np.array([0.0, 1.0, 3.0, 2.0, 4.5]), "a": np.array([0.0, 9.0, 9.0, -9.0, -9.0])}
     assert reader(3, {"q": 1.0, "a": 9.0}).jumps(columns) == [4]  # a changes by 18 at most: no jump
     assert reader(3, {"q": 1.0, "a": 8.9}).jumps(columns) == [3, 4]
+    assert reader(3, {"q": 0.0, "a": 9.0}).jumps(columns) == []  # q was constant in training: nothing is known of it
     assert reader(3, {}).jumps(columns) == []
     assert reader(0, {"q": 1.0, "a": 8.9}).jumps(columns) == []
 

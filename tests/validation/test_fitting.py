@@ -33,6 +33,13 @@ def test_first_third_of_each_file():
     assert np.flatnonzero(first_third(data)).tolist() == [0, 1, 7, 9]
 
 
+def test_a_noise_is_a_difference_of_temperatures():
+    own = Formula([GAIN])
+    own.units["angle"], own.keys.outputs["a"].noise = "K", "0.1 degC"
+    noise = SetPredictor(own, measured(), [GAIN], U > 2, {}).problem.outputs[0].noise
+    assert noise == pytest.approx(0.1)
+
+
 def test_what_is_compared_are_the_chosen_rows_of_each_output():
     own = Formula([REST, GAIN])
     own.keys.outputs["x"].noise = "2 mm"

@@ -47,6 +47,9 @@ def test_errors_of_an_angle_and_of_a_distance():
     assert tip.error(predicted, measured) == pytest.approx([5.0, 0.0])
     assert (angle.is_distance, tip.is_distance) == (False, True)
     assert Quantity("z", "mm", (2,), 1e3).error(predicted, measured) == pytest.approx([4.0, 0.0])
+    mixed = Quantity("tip", "mm", (1, 2), (1e3, 1.0))  # an output in m and one in mm
+    assert mixed.error(predicted, np.array([[0.0, 2.003, -1.0], [1.5, 2.0, 3.0]])) == pytest.approx([5.0, 0.0])
+    assert Quantity("t", "degC", (0,), 1.0, -273.15).shown(np.array([[300.0]])) == pytest.approx(np.array([[26.85]]))
 
 
 def test_rows_of_a_file():

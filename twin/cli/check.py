@@ -161,7 +161,7 @@ def check_stability(file: str, overrides: tuple[str, ...]) -> list[str]:
         )
         problems.append(
             f"{file}: {case.variant}: {method} is unstable at t = {clock.text(result.at)}: a deviation grows "
-            f"{growth.factor:.4g} times in {growth.cycle * 1e3:g} ms, mostly {', '.join(growth.share[:3])}. {remedy}"
+            f"{growth.factor:.{4 if growth.factor > 1.0005 else 7}g} times in {growth.cycle * 1e3:g} ms, mostly {', '.join(growth.share[:3])}. {remedy}"
         )
         say(problems[-1])
     return problems

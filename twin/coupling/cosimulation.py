@@ -131,7 +131,11 @@ class CoSimulation(StepFailures):
         delays = []
         for link in self.links:
             source, target = link.source.member, link.target.member
-            fresh = stage_index[source] < stage_index[target] and self.periods[source] == self.step
+            # a slow source publishes at its end: of targets in later stages those that step then see it
+            fresh = stage_index[source] < stage_index[target] and self.step in (
+                self.periods[source],
+                self.periods[target],
+            )
             if not self.algorithm.is_plain:
                 fresh = (fresh or self.algorithm.iterations > 0) and not {source, target} & set(self._slow)
             at_event = self.members[target].clocked and link.target.variable.variability != "continuous"

@@ -51,11 +51,15 @@ class Inputs:
         """The same with rows that nearly meet a step at its very time; `start`, `step`: of the steps [ns].
 
         Added up or written as single precision, a time is a little beside what was meant, and its row must not be
-        held a step late for that. Rows keep their order.
+        held a step late for that. Rows keep their order; of several times near a step the nearest is meant.
         """
         nearest = np.rint((self.times * clock.NANOSECONDS - float(start)) / float(step))
         met = np.array([clock.seconds(start + int(k) * step) for k in np.clip(nearest, 0, count)])
-        close = np.abs(self.times - met) <= MEETS * clock.seconds(step)
+        distance = np.abs(self.times - met)
+        steps, number = np.unique(nearest, return_inverse=True)
+        least = np.full(len(steps), MEETS * clock.seconds(step))
+        np.minimum.at(least, number, distance)
+        close = distance <= least[number]
         return Inputs(np.where(close, met, self.times), self.columns)
 
     def at(self, column: InputColumn, t: float) -> np.ndarray[Any, Any]:

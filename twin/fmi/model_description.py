@@ -69,6 +69,7 @@ class DeclaredType:
     minimum: str | None = None
     maximum: str | None = None
     items: tuple[tuple[str, str], ...] = ()
+    is_relative: bool = False  # a difference: its unit has no offset
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,11 +99,15 @@ class Declared:
     common: DeclaredType
     dimensions: tuple[Dimension, ...] = ()
     alias_of: str = ""
+    is_relative: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class DeclaredUnit:
-    """A unit in base units, or by its name alone (no `factor`); display units are (name, factor, offset)."""
+    """A unit in base units, or by its name alone (no `factor`); display units are (name, factor, offset).
+
+    Factor 0: of the inverse, as min/km of m/s, in which nothing is shown.
+    """
 
     name: str
     factor: float | None
@@ -238,7 +243,13 @@ def common(element: Any, description: str) -> DeclaredType:
     """What a type says of its variables."""
     items = tuple((entry.get("name", ""), entry.get("value", "")) for entry in element.findall("Item"))
     texts = element.get("unit", ""), element.get("displayUnit", ""), description
-    return DeclaredType(*texts, element.get("min"), element.get("max"), items)
+    return DeclaredType(*texts, element.get("min"), element.get("max"), items, is_relative(element, default=False))
+
+
+def is_relative(element: Any, default: bool) -> bool:
+    """Whether values are differences, so that units have no offset (relativeQuantity)."""
+    text = element.get("relativeQuantity")
+    return default if text is None else text in ("true", "1")
 
 
 def variable(fmi: FmiVersion, element: Any, types: dict[str, DeclaredType], sizes: dict[str, Any]) -> Declared:
@@ -260,6 +271,7 @@ def variable(fmi: FmiVersion, element: Any, types: dict[str, DeclaredType], size
         raise ValueError(f'{location} has declaredType="{declared_type}", which is not defined')
     holder = element.find("Start") if kind in ("String", "Binary") and fmi == FMI3 else None
     measures = kind in FLOATS
+    common_type = types[declared_type] if declared_type is not None else NO_TYPE
     return Declared(
         name,
         int(element.get("valueReference")),
@@ -273,8 +285,9 @@ def variable(fmi: FmiVersion, element: Any, types: dict[str, DeclaredType], size
         element.get("description", ""),
         None if kind in BOUNDLESS else value.get("min"),
         None if kind in BOUNDLESS else value.get("max"),
-        types[declared_type] if declared_type is not None else NO_TYPE,
+        common_type,
         tuple(dimension(child, sizes) for child in element.iterfind("Dimension")) if fmi == FMI3 else (),
+        is_relative=is_relative(value, common_type.is_relative),
     )
 
 
@@ -316,6 +329,7 @@ def aliased(own: Declared, element: Any) -> Declared:
         own.common,
         own.dimensions,
         own.name,
+        own.is_relative,
     )
 
 
@@ -361,7 +375,11 @@ def unit(element: Any) -> DeclaredUnit:
             float(attributes.pop("offset", 0.0)),
             tuple(int(attributes.get(symbol, 0)) for symbol in units.BASE),
             tuple(
-                (child.get("name", ""), float(child.get("factor", 1.0)), float(child.get("offset", 0.0)))
+                (
+                    child.get("name", ""),
+                    0.0 if child.get("inverse") in ("true", "1") else float(child.get("factor", 1.0)),
+                    float(child.get("offset", 0.0)),
+                )
                 for child in element.iterfind("DisplayUnit")
             ),
         )

@@ -31,7 +31,7 @@ def names(units: Iterable[DeclaredUnit]) -> Names:
         )
         unit_names[declared_unit.name, ""] = text, ""
         for name, part, offset in declared_unit.displays:
-            shown = name
+            shown = name if part else ""
             if size is not None and part:
                 # shown = part * value + offset, and base = size.factor * value + size.offset
                 factor = size.factor / part
@@ -50,8 +50,18 @@ def base(declared_unit: DeclaredUnit) -> unit.Unit | None:
         return None
 
 
-def named(variable: MemberVariable, unit_names: Names) -> MemberVariable:
-    """Return a variable with its units as this project writes them."""
+def named(variable: MemberVariable, unit_names: Names, *, is_relative: bool = False) -> MemberVariable:
+    """Return a variable with its units as this project writes them; those of a difference have no offset."""
     declared = variable.unit, variable.display_unit
     here = unit_names.get(declared) or (unit_names.get((variable.unit, ""), declared)[0], variable.display_unit)
+    here = (without_offset(here[0]), without_offset(here[1])) if is_relative else here
     return variable if here == declared else replace(variable, unit=here[0], display_unit=here[1])
+
+
+def without_offset(text: str) -> str:
+    """The unit of differences: a kelvin for a degree Celsius."""
+    try:
+        size = unit.describe(text)
+    except CouplingError:
+        return text
+    return unit.defined(unit.shown(text), replace(size, offset=0.0)) if size.offset else text

@@ -176,6 +176,7 @@ def variables(
         declared.name: units.named(
             variable(declared, types, sizes, model.dependencies, where, terminal_members.get(declared.name, ())),
             unit_names,
+            is_relative=declared.is_relative,
         )
         for declared in model.variables
     }

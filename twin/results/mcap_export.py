@@ -10,6 +10,7 @@ import numpy as np
 
 from twin import clock
 from twin.component import unit
+from twin.errors import TwinError
 from twin.installed import import_optional
 
 if TYPE_CHECKING:
@@ -95,6 +96,10 @@ class Topics:
             if member_variables
         ]
         times = np.rint(rows.column("time").to_numpy() * clock.NANOSECONDS).astype(np.int64).tolist()
+        if times[0] < 0:
+            raise TwinError(
+                f"{case[0]}, seed {case[1]} begins at {times[0] / 1e9:g} s: MCAP has no negative times. Write .csv or .mat."
+            )
         for time in times:
             for channel, names, samples in channels:
                 data = json.dumps(dict(zip(names, next(samples), strict=True)), allow_nan=False).encode()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -65,7 +66,8 @@ def measure_profile(
 
 REFINEMENTS = (16, 8, 4, 2)  # divisors of the step, tried in order until all members can make that step
 MAX_HALVINGS = 6  # of the step in the search for a stable one
-GROWTH_LIMIT = 1e-4  # growth over a cycle; below it is rounding
+GROWTH_LIMIT = 1e-4  # logarithm of the growth over a cycle; below it is rounding, unless it adds up:
+RUN_LIMIT = math.log(2.0)  # logarithm of the growth over a run
 TIGHT_TOLERANCE, MAX_ITERATIONS = 1e-13, 200
 ALTERNATIVES = {  # keys: text in a scenario
     "gauss_seidel": Algorithm("gauss_seidel"),
@@ -84,17 +86,23 @@ class StabilityVerdict:
     growth: Growth
     model: Growth  # extrapolated to infinitely short steps
     at: clock.Time
+    duration: float  # of the run [s]
     stable_settings: tuple[str, ...] = ()
 
     @property
     def is_stable(self) -> bool:
         """Whether nothing grows that does not grow in the model itself."""
-        return not is_growing(self.growth, self.model)
+        return not is_growing(self.growth, self.model, self.duration)
 
 
-def is_growing(coupled: Growth, model: Growth) -> bool:
-    """Whether the coupling makes a deviation grow that does not grow in the model itself."""
-    return coupled.rate * coupled.cycle > 2 * max(model.rate, 0.0) * coupled.cycle + GROWTH_LIMIT
+def is_growing(coupled: Growth, model: Growth, duration: float) -> bool:
+    """Whether the coupling makes a deviation grow in a run of this length [s] that does not grow in the model itself.
+
+    Rounding adds up, too, but its rate is larger with shorter cycles, and with it that of the model.
+    """
+    excess = coupled.rate - 2 * max(model.rate, 0.0)
+    adds_up = model.cycle < coupled.cycle and excess * duration > RUN_LIMIT
+    return excess * coupled.cycle > GROWTH_LIMIT or adds_up
 
 
 def model_growth(case: Case, catalog: Catalog, build: Path, at: clock.Time, coupled: Growth) -> Growth:
@@ -121,12 +129,12 @@ def check_stability(case: Case, catalog: Catalog, build: Path, progress: Progres
     CouplingError if the state of a member is not accessible.
     """
     middle = case.start_ns + (case.stop_ns - case.start_ns) // case.step_ns // 2 * case.step_ns
-    verdicts = []
+    duration, verdicts = clock.seconds(case.stop_ns - case.start_ns), []
     for number, at in enumerate(dict.fromkeys((case.start_ns, middle))):
         progress(f"{case.variant}: linearized at {clock.text(at)}", number / 2)
         with suppress(SimulationError):
             coupled = linearize_case(case, catalog, build, at)
-            verdicts.append(StabilityVerdict(coupled, model_growth(case, catalog, build, at, coupled), at))
+            verdicts.append(StabilityVerdict(coupled, model_growth(case, catalog, build, at, coupled), at, duration))
     worst = max(verdicts, key=lambda verdict: verdict.growth.rate)
     if worst.is_stable:
         return worst
@@ -156,7 +164,7 @@ def stable_settings(case: Case, catalog: Catalog, build: Path, unstable: Stabili
 
     def is_stable(other: Case) -> bool:
         try:
-            return not is_growing(linearize_case(other, catalog, build, unstable.at), unstable.model)
+            return not is_growing(linearize_case(other, catalog, build, unstable.at), unstable.model, unstable.duration)
         except (CouplingError, SimulationError):  # a step that a member cannot make
             return False
 

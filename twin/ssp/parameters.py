@@ -68,6 +68,7 @@ def apply_binding(
             unmatched.append(parameter)
         change, suppress = (entry.change, entry.suppress) if entry else (None, False)
         for node in nodes:
+            assigned.pop(node, None)  # to the end: an array overrides what was assigned to its elements before
             assigned[node] = AssignedValue(parameter.value, parameter.unit, change, suppress, parameter.where)
     for parameter in unmatched[:MAX_UNMATCHED_NOTES]:
         hint = nearest(parameter.name, candidates, "`") if candidates else ""

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     Array = np.ndarray[Any, Any]
 
-JUMP = 2.0  # times the largest change between rows of the training windows: what is larger is no motion
+JUMP = 2.0  # times the largest change between rows of the training windows, if any: what is larger is no motion
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,9 @@ class SetReader:
         """Rows at which a column jumps as no motion does, where windows of the file join; none without windows."""
         if not self.window:
             return []
-        is_jump = [np.abs(np.diff(columns[column])) > JUMP * change for column, change in self.changes.items()]
+        is_jump = [
+            np.abs(np.diff(columns[column])) > JUMP * change for column, change in self.changes.items() if change > 0.0
+        ]
         return (np.flatnonzero(np.any(is_jump, axis=0)) + 1).tolist() if is_jump else []
 
     def parts(self, count: int, jumps: Sequence[int], name: str) -> list[slice]:

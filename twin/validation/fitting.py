@@ -47,7 +47,7 @@ class SetPredictor:
         columns = []
         for i, (column, keys) in enumerate(own.keys.outputs.items()):
             symbol = own.units[keys.signal]
-            noise = None if keys.noise is None else number(keys.noise, symbol, column)
+            noise = None if keys.noise is None else number(keys.noise, symbol, column, is_difference=True)
             values = data.measured[rows, i]
             columns.append(Output(column, "", keys.signal, symbol, "", data.time[rows], values, 0.0, 0.0, noise=noise))
         self.problem: Problem = SetProblem(

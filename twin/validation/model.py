@@ -31,22 +31,31 @@ if TYPE_CHECKING:
 class Quantity:
     """What a row of the result is about: one output, or the distance of several.
 
-    `indices`: of outputs; `factor`: from their unit to `unit`.
+    `indices`: of outputs; `factor`, `offset`: from their units to `unit`, of each or the same for all.
     """
 
     name: str
     unit: str
     indices: tuple[int, ...]
-    factor: float
+    factor: float | tuple[float, ...]
+    offset: float | tuple[float, ...] = 0.0
 
     @property
     def is_distance(self) -> bool:
         """Whether errors are lengths of vectors."""
         return len(self.indices) > 1
 
+    def shown(self, values: Array) -> Array:
+        """Its outputs in `unit`, shape (N, indices)."""
+        return np.asarray(self.factor * values[:, self.indices] + np.asarray(self.offset))
+
+    def difference(self, predicted: Array, measured: Array) -> Array:
+        """Predicted minus measured of its outputs in `unit`, shape (N, indices)."""
+        return np.asarray(self.factor * (predicted - measured)[:, self.indices])
+
     def error(self, predicted: Array, measured: Array) -> Array:
         """Predicted minus measured, or the length of this vector, in `unit`, shape (N,)."""
-        difference = self.factor * (predicted[:, self.indices] - measured[:, self.indices])
+        difference = self.difference(predicted, measured)
         return np.asarray(np.linalg.norm(difference, axis=1) if self.is_distance else difference[:, 0])
 
 
@@ -111,6 +120,12 @@ class ValidationSet:
             for column in columns:
                 if column not in keys.outputs:
                     self.add_problem(f"there is no output {column}. {nearest(column, keys.outputs)}", "distance", name)
+                elif columns[0] in keys.outputs:
+                    first, other = (self.units[keys.outputs[c].signal] for c in (columns[0], column))
+                    try:
+                        unit.conversion(other, first, column)
+                    except CouplingError as error:
+                        self.add_problem(str(error), "distance", name)
         for column, output in keys.outputs.items():
             try:
                 unit.conversion(self.units[output.signal], output.unit, column)
@@ -139,10 +154,10 @@ class ValidationSet:
         quantities = []
         for name, columns in rows:
             first = self.keys.outputs[columns[0]]
-            source = self.units[first.signal]
-            shown = first.unit or source
-            factor = unit.conversion(source, shown, name)[0]
-            quantities.append(Quantity(name, shown, tuple(self.outputs.index(c) for c in columns), factor))
+            shown = first.unit or self.units[first.signal]
+            signals = [self.keys.outputs[column].signal for column in columns]
+            factors, offsets = zip(*(unit.conversion(self.units[s], shown, name) for s in signals), strict=True)
+            quantities.append(Quantity(name, shown, tuple(map(self.outputs.index, columns)), factors, offsets))
         return quantities
 
     @property

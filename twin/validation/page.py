@@ -64,9 +64,9 @@ def svg(prediction: Prediction, quantity: Quantity, row: dict[str, Any], rows: A
     with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": f"{row['file']} {row['quantity']} {len(time)}"}):
         figure: Any = Figure((plotting.WIDTH, 1.5 + 1.6 * count), layout="constrained")
         axes = figure.subplots(count + 1, 1, sharex=True)
-        for axis, i in zip(axes, quantity.indices, strict=False):
-            values = [quantity.factor * array[rows, i] for array in (data.measured, prediction.predicted)]
-            rezeroed = quantity.factor * prediction.rezeroed[rows, i]
+        curves = [quantity.shown(values[rows]) for values in (data.measured, prediction.predicted, prediction.rezeroed)]
+        for k, i in enumerate(quantity.indices):
+            axis, (*values, rezeroed) = axes[k], [curve[:, k] for curve in curves]
             if half is not None and not quantity.is_distance:
                 fill(axis, time, values[1] - half, values[1] + half, color=PREDICTED, alpha=0.15, linewidth=0)
             draw(axis, time, values[0], MEASURED, "measured")

@@ -185,8 +185,8 @@ def predict_file(own: ValidationSet, frozen: FrozenSet, data: Data) -> Predictio
             name: finite(figures.summary(quantity.error(y, data.measured))["rmse"]) for name, y in baselines.items()
         }
         areas = [
-            figures.area(quantity.factor * predicted[:, i], quantity.factor * data.measured[:, i])
-            for i in quantity.indices
+            figures.area(y, measured)
+            for y, measured in zip(quantity.shown(predicted).T, quantity.shown(data.measured).T, strict=True)
         ]
         row["area"] = float(np.linalg.norm(areas))
         row["set"] = own.name
@@ -243,10 +243,9 @@ def disagreements(
     """Where the outputs of a quantity leave the limits of the consistency test."""
     quantity = next(quantity for quantity in own.quantities if quantity.name == name)
     failures = []
-    for i in quantity.indices:
+    for i, error in zip(quantity.indices, quantity.difference(predicted, data.measured).T, strict=True):
         column = own.outputs[i]
         if column in frozen.limits.get(name, {}):
-            error = quantity.factor * (predicted[:, i] - data.measured[:, i])
             own_limits = [figures.Limits(**entry) for entry in frozen.limits[name][column]]
             failure = figures.disagreement(column, error, data.time, own_limits)
             failures += [failure] if failure else []
@@ -384,7 +383,7 @@ def cross_validate(
         for row in frozen.cross_validation:
             if row["quantity"] == q.name and own_band.coverages:
                 row["coverage"] = own_band.coverages[labels.index(row["fold"])]
-        signed = q.factor * (predicted - data.measured)[:, q.indices]
+        signed = q.difference(predicted, data.measured)
         frozen.false_alarms[q.name] = figures.false_alarms([signed[fold] for fold in folds], keys.false_alarms)
         own_limits = figures.limits([signed[fold] for fold in folds], keys.false_alarms)
         for i, levels in zip(q.indices, own_limits, strict=True):

@@ -10,6 +10,7 @@ SLOWEST, FASTEST = 0.01, 0.08  # [Hz] of the rate's wander: below respiration
 PRIME = 2147483647
 QS2, QS2_SLOPE = 0.546, 0.126  # [s], [s^2]: electromechanical systole 546 ms - 2.1 ms per beat/min, Weissler 1968, recalled
 SYSTOLE = 0.71  # middle of systole in the beat of eq. (4)
+SHORTEST = 0.225  # part of a beat that is systole below 0.46 Hz: with less the beat would run backward in diastole
 SWEEP = 0.1  # part of a beat in which an ectopic one ends the beat before
 
 
@@ -206,7 +207,7 @@ def shape(self: Heart) -> None:
     n = floor(self.beats)
     if n != self.beat:
         rate = max(self.rate * self.pace, 0.1)
-        part = min(max((QS2 - QS2_SLOPE * rate) * rate, 0.1), 0.8)
+        part = min(max((QS2 - QS2_SLOPE * rate) * rate, SHORTEST), 0.8)
         self.systole_stretch = pi * ((QS2 - QS2_SLOPE) - part) / sin(pi * part)
         self.beat = n
     angle = 2.0 * pi * (self.beats - n - SYSTOLE)

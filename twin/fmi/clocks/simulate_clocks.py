@@ -98,8 +98,8 @@ class Alone:
     def step(self, end: clock.Time, is_row: bool) -> None:
         """One step, not beyond `end` or the next tick [ns], and the event that ends it."""
         member = self.member
-        ticks = [due for due in (self.events.due, member.event_time, self.feed and self.feed.due) if due]
-        target = min([end, *(due for due in ticks if due > self.now)])
+        ticks = self.events.due, member.event_time, self.feed.due if self.feed else None
+        target = min([end, *(due for due in ticks if due is not None and due > self.now)])
         t, h = clock.seconds(self.now), clock.seconds(target - self.now)
         status = machine.STEP(member.step_function)(member.instance, t, h, 1, *self._flag_addresses)
         member.check(status, member.step_name)

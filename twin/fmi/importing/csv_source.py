@@ -80,12 +80,16 @@ class Table(PythonComponent):
         self._follow(t, 0.0)
 
     def step(self, t: float, h: float) -> None:
-        """Go to t + h [s]. A row a thousandth of a step away is meant to be met."""
+        """Go to t + h [s]. A row a thousandth of a step later is meant to be met, unless the one before is nearer."""
         self._follow(t + h, MEETS * h)
 
     def _follow(self, t: float, near: float) -> None:
         times, rows, names = self._table
-        row = max(int(np.searchsorted(times, t + near, side="right")) - 1, 0)
+        row = int(np.searchsorted(times, t, side="right")) - 1
+        later = float(times[min(row + 1, len(times) - 1)])
+        if 0.0 < later - t <= near and (row < 0 or later - t < t - times[row]):
+            row = int(np.searchsorted(times, later, side="right")) - 1
+        row = max(row, 0)
         values = rows[row]
         if not self.hold and row + 1 < len(times) and t > times[row]:
             values = values + (t - times[row]) / (times[row + 1] - times[row]) * (rows[row + 1] - values)

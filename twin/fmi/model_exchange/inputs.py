@@ -24,6 +24,7 @@ class Followed:
             if not column.linear:
                 is_jump[1:] |= np.any(column.rows[1:] != column.rows[:-1], axis=1)
         self.jumps = np.unique(times[is_jump])
+        self.row_times = np.unique(times) if self.linear else times[:0]
 
     def __call__(self, t: float) -> None:
         """Set all inputs before the run begins at t [s]; from then on the member does."""
@@ -47,6 +48,11 @@ class Followed:
             if slot.has_changed:
                 slot.applied[:] = slot.values
                 self.member.move(slot)
+
+    def next_row(self, t: float) -> float:
+        """The next row after t [s] of a continuous input, whose slope may change there."""
+        index = int(np.searchsorted(self.row_times, t, side="right"))
+        return float(self.row_times[index]) if index < len(self.row_times) else np.inf
 
     def due(self, t: float) -> float:
         """The next jump after t [s]."""

@@ -131,6 +131,9 @@ class ContinuousSystem:
             self.sensitivity.before(self, self.t, self.y)
         close = ROUNDING * max(abs(end), end - before)
         bound = due if due < end - close else end
+        for member in self.members:  # a step across rows of an input would miss a pulse between them
+            if member.followed and (row := member.followed.next_row(before + close)) < bound - close:
+                bound = row
         try:
             t, y = (bound, self.y) if bound <= before else self.solver.step(bound)
             self.last = t - before
