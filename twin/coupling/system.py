@@ -35,13 +35,13 @@ class Connection:
 
     source: str
     target: str
-    where: str = ""
-    terminals: str = ""
+    where: str = field(default="", compare=False)
     factor: float = 1.0
     offset: float = 0.0
     convert: bool = True
     bond: str = ""
     hold: bool = False
+    terminals: str = ""
 
     @property
     def message_prefix(self) -> str:
