@@ -85,10 +85,10 @@ def test_start_values_of_arrays() -> None:
     variables = {"line": LINE, "k": variable("k", unit="N"), "gone": variable("gone")}
     values = {"line": np.array([1.0, 2.0]), "k": 3.0, "gone": 4.0}
     whole = ssp_writer.start_values(WHOLE, values, variables)
-    assert [(one.port.name, np.asarray(one.value).tolist()) for one in whole] == [("line", [1.0, 2.0]), ("k", 3.0)]
-    assert whole[1].port == ssp.Port("k", "parameter", "Float64", "N", (), ())
+    assert [(one.name, np.asarray(value).tolist()) for one, value in whole] == [("line", [1.0, 2.0]), ("k", 3.0)]
+    assert whole[1][0] is WHOLE.variables["k"]
     parts = ssp_writer.start_values(PARTS, values, variables)
-    assert [(one.port.name, float(one.value)) for one in parts] == [("line[1]", 1.0), ("line[2]", 2.0), ("own", 3.0)]
+    assert [(one.name, float(value)) for one, value in parts] == [("line[1]", 1.0), ("line[2]", 2.0), ("own", 3.0)]
 
 
 def test_components_with_their_connectors() -> None:
@@ -108,7 +108,7 @@ def test_components_with_their_connectors() -> None:
         ("A", "_A.fmu", "ModelExchange"),
     ]
     assert [[port.name for port in one.ports] for one in found] == [["u", "line", "k"], ["u", "line", "c"]]
-    assert [[value.port.name for value in one.values] for one in found] == [["k"], []]
+    assert [[variable.name for variable, _ in one.values] for one in found] == [["k"], []]
     assert [(one.annotations, one.scenario_keys) for one in found] == [([b"note"], {"p": 1}), ([], {})]
 
 

@@ -7,11 +7,12 @@ import pytest
 from lxml import etree
 
 from tests.every_case import every_case
+from twin.coupling import DTYPES, MemberVariable
 from twin.errors import ScenarioError
 from twin.ssp import writer
 from twin.ssp.document import NAMESPACE, declare_prefixes, violations
 from twin.ssp.model import Linear
-from twin.ssp.writer import OutlineComponent, OutlineConnection, Port, SystemOutline, Value
+from twin.ssp.writer import OutlineComponent, OutlineConnection, SystemOutline
 
 ITEMS = (("off", 0), ("on", 2))
 
@@ -32,6 +33,11 @@ def outline(components=(), wires=(), **changes):
     return SystemOutline(**settings | changes, components=list(components), wires=list(wires))
 
 
+def connector(name, causality, kind, unit="", shape=(), items=()):
+    """A variable of an FMU."""
+    return MemberVariable(name, causality, "", kind, DTYPES[kind], shape, unit, items=items)
+
+
 def part(name="a", ports=(), values=(), **rest):
     """A component with an FMU."""
     return OutlineComponent(name, f"{name}.fmu", b"fmu of " + name.encode(), list(ports), list(values), **rest)
@@ -40,24 +46,24 @@ def part(name="a", ports=(), values=(), **rest):
 @every_case(
     ("version", "port", "expected"),
     [
-        ("1.0", Port("y", "output", "Float64", "mm"), ("output", "Real", {"unit": "mm"}, [])),
-        ("2.0", Port("y", "output", "Float64", "mm"), ("output", "Float64", {"unit": "mm"}, [])),
-        ("1.0", Port("y", "output", "Float32", "mm"), ("output", "Real", {"unit": "mm"}, [])),
-        ("2.0", Port("y", "output", "Float32", "mm"), ("output", "Float32", {"unit": "mm"}, [])),
-        ("2.0", Port("y", "output", "Float64"), ("output", "Float64", {}, [])),
-        ("1.0", Port("n", "input", "UInt8", "mm"), ("input", "Integer", {}, [])),
-        ("2.0", Port("n", "input", "UInt8", "mm"), ("input", "UInt8", {}, [])),
-        ("2.0", Port("b", "input", "Boolean"), ("input", "Boolean", {}, [])),
-        ("2.0", Port("s", "parameter", "String"), ("parameter", "String", {}, [])),
+        ("1.0", connector("y", "output", "Float64", "mm"), ("output", "Real", {"unit": "mm"}, [])),
+        ("2.0", connector("y", "output", "Float64", "mm"), ("output", "Float64", {"unit": "mm"}, [])),
+        ("1.0", connector("y", "output", "Float32", "mm"), ("output", "Real", {"unit": "mm"}, [])),
+        ("2.0", connector("y", "output", "Float32", "mm"), ("output", "Float32", {"unit": "mm"}, [])),
+        ("2.0", connector("y", "output", "Float64"), ("output", "Float64", {}, [])),
+        ("1.0", connector("n", "input", "UInt8", "mm"), ("input", "Integer", {}, [])),
+        ("2.0", connector("n", "input", "UInt8", "mm"), ("input", "UInt8", {}, [])),
+        ("2.0", connector("b", "input", "Boolean"), ("input", "Boolean", {}, [])),
+        ("2.0", connector("s", "parameter", "String"), ("parameter", "String", {}, [])),
         (
             "2.0",
-            Port("e", "output", "Enumeration", items=ITEMS),
+            connector("e", "output", "Enumeration", items=ITEMS),
             ("output", "Enumeration", {"name": "enumeration_1"}, []),
         ),
-        ("2.0", Port("v", "output", "Float64", shape=(2, 3)), ("output", "Float64", {}, ["2", "3"])),
+        ("2.0", connector("v", "output", "Float64", shape=(2, 3)), ("output", "Float64", {}, ["2", "3"])),
         # SSP 1.0 has fewer kinds of connectors
-        ("1.0", Port("k", "structuralParameter", "Int32"), ("parameter", "Integer", {}, [])),
-        ("2.0", Port("k", "structuralParameter", "Int32"), ("structuralParameter", "Int32", {}, [])),
+        ("1.0", connector("k", "structuralParameter", "Int32"), ("parameter", "Integer", {}, [])),
+        ("2.0", connector("k", "structuralParameter", "Int32"), ("structuralParameter", "Int32", {}, [])),
     ],
 )
 def test_connectors(version, port, expected):
@@ -131,26 +137,26 @@ def test_enumerations_are_defined_once():
 @every_case(
     ("port", "value", "expected"),
     [
-        (Port("x", "parameter", "Float64", "mm"), 0.1, {"unit": "mm", "value": "0.1"}),
-        (Port("x", "parameter", "Float64"), np.float64(1e-300), {"value": "1e-300"}),
-        (Port("x", "parameter", "Float32"), np.float32(0.1), {"value": "0.10000000149011612"}),
-        (Port("x", "parameter", "Int32"), np.int32(-3), {"value": "-3"}),
-        (Port("x", "parameter", "Boolean"), np.bool_(True), {"value": "true"}),
-        (Port("x", "parameter", "Boolean"), False, {"value": "false"}),
-        (Port("x", "parameter", "String"), "a b", {"value": "a b"}),
-        (Port("x", "parameter", "Enumeration", items=ITEMS), 2, {"name": "enumeration_1", "value": "on"}),
-        (Port("x", "parameter", "Enumeration", items=ITEMS), 1, {"name": "enumeration_1", "value": "1"}),
+        (connector("x", "parameter", "Float64", "mm"), 0.1, {"unit": "mm", "value": "0.1"}),
+        (connector("x", "parameter", "Float64"), np.float64(1e-300), {"value": "1e-300"}),
+        (connector("x", "parameter", "Float32"), np.float32(0.1), {"value": "0.10000000149011612"}),
+        (connector("x", "parameter", "Int32"), np.int32(-3), {"value": "-3"}),
+        (connector("x", "parameter", "Boolean"), np.bool_(True), {"value": "true"}),
+        (connector("x", "parameter", "Boolean"), False, {"value": "false"}),
+        (connector("x", "parameter", "String"), "a b", {"value": "a b"}),
+        (connector("x", "parameter", "Enumeration", items=ITEMS), 2, {"name": "enumeration_1", "value": "on"}),
+        (connector("x", "parameter", "Enumeration", items=ITEMS), 1, {"name": "enumeration_1", "value": "1"}),
         (
-            Port("x", "parameter", "Float64", shape=(2, 2)),
+            connector("x", "parameter", "Float64", shape=(2, 2)),
             np.array([[1.0, 2.0], [3.0, 0.5]]),
             {"value": "1.0 2.0 3.0 0.5"},
         ),
-        (Port("x", "parameter", "Boolean", shape=(2,)), np.array([True, False]), {"value": "true false"}),
+        (connector("x", "parameter", "Boolean", shape=(2,)), np.array([True, False]), {"value": "true false"}),
     ],
 )
 def test_start_values(port, value, expected):
     """Written so that they read back to the same bits."""
-    root = writer.parameter_set(part(values=[Value(port, value)]), "2.0")
+    root = writer.parameter_set(part(values=[(port, value)]), "2.0")
     assert dict(root.attrib) == {"version": "2.0", "name": "initialValues"}
     assert root.tag == f"{writer.SSV}ParameterSet"
     parameter = root[0][0]
@@ -164,8 +170,8 @@ def test_start_values(port, value, expected):
 
 
 def test_arrays_of_texts_and_items_are_elements():
-    texts = Value(Port("s", "parameter", "String", shape=(2,)), np.array(["a b", "c"], object))
-    chosen = Value(Port("e", "parameter", "Enumeration", shape=(2,), items=ITEMS), np.array([2, 0]))
+    texts = (connector("s", "parameter", "String", shape=(2,)), np.array(["a b", "c"], object))
+    chosen = (connector("e", "parameter", "Enumeration", shape=(2,), items=ITEMS), np.array([2, 0]))
     found = [tree(node[0]) for node in writer.parameter_set(part(values=[texts, chosen]), "2.0")[0]]
     assert found == [
         ("String", {}, [("Value", {"value": "a b"}, []), ("Value", {"value": "c"}, [])]),
@@ -249,10 +255,10 @@ def test_annotations_of_others_are_kept_except_the_step():
 
 def test_a_whole_description():
     """Annotations in their places; times of the experiment; the step [s] for both tools; connections only where there are any."""
-    y, u = Port("y", "output", "Float64", "mm"), Port("u", "input", "Enumeration", items=ITEMS)
+    y, u = connector("y", "output", "Float64", "mm"), connector("u", "input", "Enumeration", items=ITEMS)
     parts = [
         part("a", [y]),
-        part("b", [u], [Value(u, 2)], scenario_keys={"isolate": True}, annotations=[note("of.b", "c")]),
+        part("b", [u], [(u, 2)], scenario_keys={"isolate": True}, annotations=[note("of.b", "c")]),
     ]
     whole = outline(
         parts,
@@ -310,7 +316,7 @@ def test_a_whole_description():
 
 def test_the_archive(tmp_path):
     """FMUs are stored as they are, texts compressed; the same system gives the same archive on every machine and day."""
-    k = Value(Port("k", "parameter", "Float64"), 2.0)
+    k = (connector("k", "parameter", "Float64"), 2.0)
     whole = outline([part("a", values=[k]), part("b")], extra="seeds: 3\n")
     path = tmp_path / "a.ssp"
     writer.write(whole, path)
@@ -338,5 +344,5 @@ def test_what_cannot_be_written(tmp_path):
     with pytest.raises(ScenarioError, match=r"a.ssp: a title, a name or a text cannot stand in XML"):
         writer.write(outline([part()], description="a\x01b"), tmp_path / "a.ssp")
     with pytest.raises(ScenarioError, match=r"a.ssp/SystemStructure.ssd:.*'mystery'"):
-        writer.write(outline([part(ports=[Port("y", "mystery", "Float64")])]), tmp_path / "a.ssp")
+        writer.write(outline([part(ports=[connector("y", "mystery", "Float64")])]), tmp_path / "a.ssp")
     assert not (tmp_path / "a.ssp").exists()

@@ -118,7 +118,7 @@ def expressions_of(scenario: ScenarioSpec) -> Iterable[tuple[str, Expression, tu
             for comparison in condition.condition.comparisons:
                 yield condition.where, comparison.expression, (case.variant,), (case.variant,)
     for plot in scenario.plots:
-        for expression in (part for curve in plot.curves for part in (curve.x, curve.signal) if part is not None):
+        for expression in plot.expressions:
             yield plot.where, expression, plot.variants, ()
     for scene in scenario.scenes:
         for expression in scene.expressions:

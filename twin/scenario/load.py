@@ -23,7 +23,6 @@ from twin.scenario.spec import (
     ConnectionSpec,
     Exchange,
     MemberSpec,
-    MutationRecord,
     RecordSpec,
     ScenarioSpec,
 )
@@ -165,8 +164,9 @@ def assemble(
         scenes,
         console_keys.controls(keys, valid_tree),
         {name: tuple(ends) for name, ends in keys.console.parameters.items()},
-        *console_keys.targets_and_warnings(keys),
-        MutationRecord(keys.mutations.tried, dict(keys.mutations.unnoticed)) if keys.mutations else None,
+        keys.console.targets,
+        tuple(keys.console.warnings),
+        keys.mutations,
         keys.summary,
     )
     where = valid_tree.find(("summary",)).location
@@ -345,13 +345,10 @@ def record_of(
     expressions += [metric.signal for metric in metrics.values()] + [
         expression.signal for expression in expectations if expression.signal
     ]
-    for plot in plots:
-        expressions += [
-            expression for curve in plot.curves for expression in (curve.signal, curve.x) if expression is not None
-        ]
+    expressions += [expression for plot in plots for expression in plot.expressions]
     needed = dict.fromkeys(signal.name for expression in expressions for signal in expression.signals)
     needed |= dict.fromkeys(name for scene in scenes for name in scene.names)
-    targets, warnings = console_keys.targets_and_warnings(keys)
-    needed |= dict.fromkeys(each.signal for each in ((targets,) if targets else ()) + warnings)
+    needed |= dict.fromkeys(warning.signal for warning in keys.console.warnings)
+    needed |= {keys.console.targets.signal: None} if keys.console.targets else {}
     patterns = tuple(dict.fromkeys(keys.record.variables))
     return RecordSpec(patterns, keys.record.every, tuple(needed), str(tree.find(("record",)).location))

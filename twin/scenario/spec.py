@@ -25,9 +25,12 @@ if TYPE_CHECKING:
     from twin.component import Component
     from twin.coupling import Catalog
     from twin.results import Analysis, Expectation, Metric, Plot
+    from twin.scenario.keys.schema import MutationKeys, TargetKeys, WarningKeys
     from twin.scenario.resolution.variable_names import Variables
     from twin.scenario.yaml_files.yaml_node import Node
     from twin.scene import Scene
+
+ConnectionSpec = Connection  # its name among the specifications of a scenario
 
 SETTABLE = ("parameter", "structuralParameter", "input")
 STARTABLE = ("exact", "approx")  # FMI's `initial`: a state's or an output's start value may be set
@@ -105,23 +108,6 @@ class MemberSpec:
 
 
 @dataclass(frozen=True)
-class ConnectionSpec:
-    """A connection. `source` and `target` are `member.variable`, or both `member.terminal`.
-
-    target = factor * source + offset, after units are converted, unless `convert` is false.
-    """
-
-    source: str
-    target: str
-    where: str = field(default="", compare=False)
-    factor: float = 1.0
-    offset: float = 0.0
-    convert: bool = True
-    bond: str = ""
-    hold: bool = False
-
-
-@dataclass(frozen=True)
 class ControlSpec:
     """An operator control of an input. `range` and `rest` are as written: one symmetric value, a pair, or None.
 
@@ -142,24 +128,6 @@ class ControlSpec:
     buttons: tuple[int, ...] = ()
     variants: tuple[str, ...] = ()
     where: str = field(default="", compare=False)
-
-
-@dataclass(frozen=True)
-class TargetSpec:
-    """Targets of an operator, as written: points that `signal` reaches within `tolerance`."""
-
-    signal: str
-    points: dict[str, tuple[Any, ...]]
-    tolerance: Any
-
-
-@dataclass(frozen=True)
-class WarningSpec:
-    """A text that the console shows while `signal` is above a limit, as written."""
-
-    signal: str
-    above: Any
-    text: str
 
 
 @dataclass(frozen=True)
@@ -245,23 +213,7 @@ class Case:
 
     def system(self, catalog: Catalog) -> CoupledSystem:
         """Create the system of members and connections, to be checked against the variables."""
-        return CoupledSystem(
-            catalog,
-            [
-                Connection(
-                    connection.source,
-                    connection.target,
-                    connection.where,
-                    "",
-                    connection.factor,
-                    connection.offset,
-                    connection.convert,
-                    connection.bond,
-                    connection.hold,
-                )
-                for connection in self.connections
-            ],
-        )
+        return CoupledSystem(catalog, list(self.connections))
 
     def method(self, catalog: Catalog) -> Algorithm:
         """Return the algorithm with its scales converted to the variables' units; ScenarioError for an unknown variable."""
@@ -281,14 +233,6 @@ class Case:
             return value.resolve(event.value, variable, event.variable)
         except CouplingError as error:
             raise ScenarioError(f"{event.where}: {error}") from None
-
-
-@dataclass(frozen=True)
-class MutationRecord:
-    """Result of mutation tests of the expectations. `unnoticed`: undetected mutation -> reason."""
-
-    tried: int
-    unnoticed: dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -319,9 +263,9 @@ class ScenarioSpec:
     scenes: tuple[Scene, ...] = ()
     console: tuple[ControlSpec, ...] = ()
     console_parameters: dict[str, tuple[Any, ...]] = field(default_factory=dict)  # slider ends as written, or none
-    console_targets: TargetSpec | None = None
-    console_warnings: tuple[WarningSpec, ...] = ()
-    mutations: MutationRecord | None = None
+    console_targets: TargetKeys | None = None
+    console_warnings: tuple[WarningKeys, ...] = ()
+    mutations: MutationKeys | None = None
     summary: str = ""  # the answer in a sentence, with placeholders for metrics
     text: str = field(default="", repr=False, compare=False)  # of `frozen`, where it is known
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from twin.coupling import Catalog, MemberVariable, Reference, ResolvedConnection
     from twin.scenario.resolution.variable_names import Variables
     from twin.scenario.spec import Case, MemberSpec, ScenarioSpec
-    from twin.ssp import OutlineComponent, OutlineConnection, Port, Value
+    from twin.ssp import OutlineComponent, OutlineConnection
 
 SHOWN = ("input", "output")  # connectors even without a connection
 
@@ -152,12 +152,10 @@ def components_of(
         file_names.add(file.casefold())
         values = start_values(fmu, case.values(name, variables[name]), variables[name])
         connector_names = {end for member, end in connected if member == name} | {
-            start_value.port.name for start_value in values
+            variable.name for variable, _ in values
         }
         ports = [
-            port(v)
-            for key, v in fmu.variables.items()
-            if key in connector_names or (v.causality in SHOWN and v.connectable)
+            v for key, v in fmu.variables.items() if key in connector_names or (v.causality in SHOWN and v.connectable)
         ]
         components.append(
             ssp.OutlineComponent(
@@ -286,26 +284,17 @@ def elements(fmus: Mapping[str, MemberFmu], reference: Reference) -> list[tuple[
     ]
 
 
-def port(variable: MemberVariable) -> Port:
-    """Create the connector of a variable."""
-    return ssp.Port(variable.name, variable.causality, variable.type, variable.unit, variable.shape, variable.items)
-
-
-def start_values(fmu: MemberFmu, values: Mapping[str, Any], variables: Variables) -> list[Value]:
-    """Return the start values for the FMU's variables."""
-    start_values_by_port: list[Value] = []
+def start_values(fmu: MemberFmu, values: Mapping[str, Any], variables: Variables) -> list[tuple[MemberVariable, Any]]:
+    """Return the FMU's variables with their start values."""
+    result = []
     for name, value in values.items():
         shape = variables[name].shape
         for number, (connector, _) in enumerate(fmu.ends(name, 0, variables[name].size, shape)):
             if connector in fmu.variables:
                 has_same_shape = fmu.variables[connector].shape == shape
-                start_values_by_port.append(
-                    ssp.Value(
-                        port(fmu.variables[connector]),
-                        value if has_same_shape else np.asarray(value).reshape(-1)[number],
-                    )
-                )
-    return start_values_by_port
+                own = value if has_same_shape else np.asarray(value).reshape(-1)[number]
+                result.append((fmu.variables[connector], own))
+    return result
 
 
 def others_annotations(scenario: ScenarioSpec, case: Case) -> tuple[dict[str, list[bytes]], ...]:

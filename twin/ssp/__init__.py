@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from twin.ssp.outputs import promote_locals_to_outputs
     from twin.ssp.package import DEFAULT, EXTRA, Variant, open_package
     from twin.ssp.ssp_annotations import read_annotations
-    from twin.ssp.writer import OutlineComponent, OutlineConnection, Port, SystemOutline, Value, write
+    from twin.ssp.writer import OutlineComponent, OutlineConnection, SystemOutline, write
 
 __all__ = [
     "DEFAULT",
@@ -22,9 +22,7 @@ __all__ = [
     "Linear",
     "OutlineComponent",
     "OutlineConnection",
-    "Port",
     "SystemOutline",
-    "Value",
     "Variant",
     "element_name",
     "flatten",
@@ -44,6 +42,6 @@ __getattr__, _, _ = lazy_loader.attach(
         "outputs": ["promote_locals_to_outputs"],
         "package": ["DEFAULT", "EXTRA", "Variant", "open_package"],
         "ssp_annotations": ["read_annotations"],
-        "writer": ["OutlineComponent", "SystemOutline", "Port", "OutlineConnection", "Value", "write"],
+        "writer": ["OutlineComponent", "SystemOutline", "OutlineConnection", "write"],
     },
 )

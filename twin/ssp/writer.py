@@ -26,6 +26,8 @@ from twin.ssp.parser import STEPS
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from twin.coupling import MemberVariable
+
 # SSP does not define a communication step: annotations of libcosim and of OMSimulator, which needs its own (its issue 1094).
 OSP = "{http://opensimulationplatform.com/SSP/OSPAnnotations}"
 OMS = "{https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd}"
@@ -44,35 +46,15 @@ PARAMETER_SET_NAME = "initialValues"  # the name of the set that libcosim and ec
 TIMESTAMP = (1980, 1, 1, 0, 0, 0)  # of all entries, so that the same system gives the same archive
 
 
-@dataclass(frozen=True)
-class Port:
-    """A connector: FMI's name, kind and type, unit, shape, and the items of an enumeration."""
-
-    name: str
-    kind: str
-    type: str
-    unit: str = ""
-    shape: tuple[int, ...] = ()
-    items: tuple[tuple[str, int], ...] = ()
-
-
-@dataclass(frozen=True)
-class Value:
-    """A start value of a variable, in its unit."""
-
-    port: Port
-    value: Any
-
-
 @dataclass
 class OutlineComponent:
-    """An FMU of the system."""
+    """An FMU of the system. `values`: variables with start values in their units."""
 
     name: str
     file: str  # inside resources/
     content: bytes
-    ports: list[Port]
-    values: list[Value]
+    ports: list[MemberVariable]
+    values: list[tuple[MemberVariable, Any]]
     implementation: str = "any"
     annotations: list[bytes] = field(default_factory=list)
     scenario_keys: dict[str, Any] = field(default_factory=dict)  # without an SSP equivalent
@@ -263,7 +245,7 @@ def component(component: OutlineComponent, version: str, units: UnitWriter, enum
     if component.ports:
         connectors = etree.SubElement(component_node, f"{SSD}Connectors")
         for port in component.ports:
-            kind = ROLES_1.get(port.kind, port.kind) if version == "1.0" else port.kind
+            kind = ROLES_1.get(port.causality, port.causality) if version == "1.0" else port.causality
             connector_node = etree.SubElement(connectors, f"{SSD}Connector", name=port.name, kind=kind)
             typed(connector_node, port, version, units, enumerations, SSC)
             for size in port.shape:
@@ -275,7 +257,9 @@ def component(component: OutlineComponent, version: str, units: UnitWriter, enum
     return component_node
 
 
-def typed(node: Any, port: Port, version: str, units: UnitWriter, enumerations: Enumerations, space: str) -> Any:
+def typed(
+    node: Any, port: MemberVariable, version: str, units: UnitWriter, enumerations: Enumerations, space: str
+) -> Any:
     """Append the child element that specifies the type."""
     kind = KINDS_1.get(port.type, port.type) if version == "1.0" else port.type
     type_node = etree.SubElement(node, f"{space}{kind}")
@@ -311,17 +295,16 @@ def parameter_set(component: OutlineComponent, version: str) -> Any:
         nsmap={key: NAMES[key] for key in ("ssv", "ssc")},
     )
     parameters = etree.SubElement(root, f"{SSV}Parameters")
-    for start_value in component.values:
-        node = etree.SubElement(parameters, f"{SSV}Parameter", name=start_value.port.name)
-        type_node = typed(node, start_value.port, version, units, enumerations, SSV)
-        flat = list(start_value.value.reshape(-1)) if start_value.port.shape else [start_value.value]
-        texts = [shown(item, start_value.port) for item in flat]
-        if start_value.port.shape and start_value.port.type in ("String", "Enumeration"):
+    for variable, value in component.values:
+        node = etree.SubElement(parameters, f"{SSV}Parameter", name=variable.name)
+        type_node = typed(node, variable, version, units, enumerations, SSV)
+        texts = [shown(item, variable) for item in (list(value.reshape(-1)) if variable.shape else [value])]
+        if variable.shape and variable.type in ("String", "Enumeration"):
             for item in texts:
                 etree.SubElement(type_node, f"{SSV}Value", value=item)
         else:
             type_node.set("value", " ".join(texts))
-        for size in start_value.port.shape:
+        for size in variable.shape:
             etree.SubElement(node, f"{SSC}Dimension", size=str(size))
     root.extend(
         definitions for definitions in (enumerations.element(SSV), units.element(SSV)) if definitions is not None
@@ -329,7 +312,7 @@ def parameter_set(component: OutlineComponent, version: str) -> Any:
     return root
 
 
-def shown(value: Any, port: Port) -> str:
+def shown(value: Any, port: MemberVariable) -> str:
     """Format a value for the schema; reading it back gives the same bits."""
     if port.type == "Boolean":
         return "true" if value else "false"

@@ -7,55 +7,24 @@ look. A clock's value is whether it has ticked since the last communication poin
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin import clock
-from twin.compiler import machine
-from twin.coupling import Access, MemberVariable, StateAccess
-from twin.errors import FMUError, TwinError, described
+from twin.coupling import Access, MemberVariable
+from twin.errors import FMUError
 from twin.fmi import values
 from twin.fmi.clocks.clock_calls import ClockedFMU
 from twin.fmi.clocks.clock_declarations import Clock
-from twin.fmi.importing import binary
-from twin.fmi.importing.state_callbacks import both
+from twin.fmi.importing.local_state import VariableSlot
 
 if TYPE_CHECKING:
     from twin.fmi.csv_tables import Inputs
 
 WORD = 8  # bytes that every scalar has room for
-
-
-@dataclass(slots=True)
-class ClockSlot:
-    """A variable's values in this process. `applied`: the last value set in the FMU, of an input.
-
-    `clocks`: value references of its clocks; none: it may be read and set whenever the mode allows it.
-    """
-
-    variable: MemberVariable
-    is_input: bool
-    clocks: frozenset[int]
-    values: np.ndarray[Any, Any]
-    applied: np.ndarray[Any, Any]
-    call: Callable[[], int] | None = None  # moves the values in the variable's direction; None: not numbers
-    name: str = ""
-
-    @property
-    def has_changed(self) -> bool:
-        """Whether an input's values differ from those set in the FMU last."""
-        if self.variable.connectable:
-            return self.values.tobytes() != self.applied.tobytes()
-        return bool(self.values.tolist() != self.applied.tolist())
-
-    def is_open(self, active: set[int]) -> bool:
-        """Whether it may be read and set while these clocks tick."""
-        return not self.clocks or not self.clocks.isdisjoint(active)
 
 
 class ClockedMember(ClockedFMU):
@@ -64,12 +33,11 @@ class ClockedMember(ClockedFMU):
     clocked = True
 
     def _describe(self, start_values: dict[str, Any]) -> None:
-        self.slots: dict[str, ClockSlot] = {}
-        self.free_inputs: list[ClockSlot] = []  # inputs that may be set between events
-        self.discrete_inputs: list[ClockSlot] = []  # inputs whose change is an event
-        self.clocked_inputs: list[ClockSlot] = []
-        self.outputs: list[ClockSlot] = []  # and whatever else is read
-        self.lit: list[ClockSlot] = []  # of the clocks that have ticked in this communication step
+        self.free_inputs: list[VariableSlot] = []  # inputs that may be set between events
+        self.discrete_inputs: list[VariableSlot] = []  # inputs whose change is an event
+        self.clocked_inputs: list[VariableSlot] = []
+        self.outputs: list[VariableSlot] = []  # and whatever else is read
+        self.lit: list[VariableSlot] = []  # of the clocks that have ticked in this communication step
         super()._describe(start_values)
         self.has_cheap_fmu_state = False  # Much of the state is in this process.
         self.active: set[int] = set()  # clocks that tick in the present instant, by value reference
@@ -79,8 +47,6 @@ class ClockedMember(ClockedFMU):
         self._waiting: dict[str, Any] = {}  # values to set at the next event
         self.is_running = self.has_signalled = self.ended = self.has_jumped = False
         self.event_time: clock.Time | None = None  # of an event that the FMU announced
-        self.failure: BaseException | None = None
-        self._keep_alive: list[Any] = []
 
     # call sequence
 
@@ -97,30 +63,6 @@ class ClockedMember(ClockedFMU):
         super().exit_initialization()
         self.is_running = True
         self.take()
-
-    # rollback to the begin of a step in which no clock has ticked
-
-    def save(self) -> Any:
-        """Save the FMU state and the state in this process."""
-        return super().save(), self._local_state()
-
-    def restore(self, saved: Any) -> None:
-        """Restore a saved state."""
-        super().restore(saved[0])
-        self._restore_local_state(saved[1])
-
-    def state_access(self, count: int) -> StateAccess:
-        """Access to the FMU state and the state in this process."""
-        own, saved_states = super().state_access(count), self._unpacked.saved_states
-        return both(own, self._local_state, self._restore_local_state, saved_states, self._keep_alive)
-
-    def _local_state(self) -> Any:
-        return {name: (slot.values.copy(), slot.applied.copy()) for name, slot in self.slots.items()}
-
-    def _restore_local_state(self, saved: Any) -> None:
-        for name, (current, applied) in saved.items():
-            self.slots[name].values[:], self.slots[name].applied[:] = current, applied
-        self.failure = None
 
     # what `coupling.events` asks
 
@@ -214,7 +156,7 @@ class ClockedMember(ClockedFMU):
             slot = self.slot(variable.name)
             slot.values[:] = slot.applied[:] = np.ravel(value)
 
-    def slot(self, name: str) -> ClockSlot:
+    def slot(self, name: str) -> VariableSlot:
         """Return the slot of a variable, created at its first use."""
         if name in self.slots:
             return self.slots[name]
@@ -225,12 +167,12 @@ class ClockedMember(ClockedFMU):
             held[:] = np.ravel(variable.start)
         references = frozenset(self._clocks_of.get(variable.references[0], ()))
         is_input = variable.causality == "input" and variable.type != "Clock"
-        slot = self.slots[name] = ClockSlot(variable, is_input, references, held, held.copy())
+        slot = self.slots[name] = VariableSlot(variable, is_input, held, held.copy(), references)
         if variable.type != "Clock":
             self._group(slot).append(slot)
         if variable.type != "Clock" and variable.connectable:
             access = super().access([name], write=slot.is_input)
-            slot.name, slot.call = access.name, partial(access.call, self.instance, int(held.ctypes.data))
+            slot.name, slot.call = access.name, partial(access.call, self.instance, slot.address)
             self._keep_alive.append(access)
         if self.is_running and not slot.is_input and not slot.clocks and variable.type != "Clock":
             self.move(slot)
@@ -240,17 +182,17 @@ class ClockedMember(ClockedFMU):
         """Fresh bytes for values."""
         return np.zeros(size, np.uint8)
 
-    def _group(self, slot: ClockSlot) -> list[ClockSlot]:
+    def _group(self, slot: VariableSlot) -> list[VariableSlot]:
         if not slot.is_input:
             return self.outputs
         if slot.clocks:
             return self.clocked_inputs
         return self.free_inputs if slot.variable.variability == "continuous" else self.discrete_inputs
 
-    def move(self, slot: ClockSlot) -> None:
+    def move(self, slot: VariableSlot) -> None:
         """Set an input's values in the FMU, or read another variable's from it."""
         name = slot.variable.name
-        if slot.call is not None:
+        if slot.name:
             self.check(slot.call(), f"{slot.name} of {name}")
         elif slot.is_input:
             shaped = slot.values.reshape(slot.variable.shape) if slot.variable.shape else slot.values
@@ -260,43 +202,9 @@ class ClockedMember(ClockedFMU):
         if slot.is_input:
             slot.applied[:] = slot.values
 
-    def address(self, name: str) -> int:
-        """Return the address of a variable's values in this process."""
-        return int(self.slot(name).values.ctypes.data) if self.variables[name].connectable else 0
-
     def access(self, names: list[str], write: bool) -> Access:
         """Create a call that copies values between memory and the slots."""
-        slots = [self.slot(name) for name in names]
-
-        def moved(_instance: int, _references: int, _count: int, address: int, _size: int) -> int:
-            for slot in slots:
-                ends = (slot.values.ctypes.data, address) if write else (address, slot.values.ctypes.data)
-                ctypes.memmove(*ends, slot.values.nbytes)
-                address += slot.values.nbytes
-            return binary.OK
-
-        self._keep_alive.append(machine.ACCESS(self.guarded(moved)))
-        return Access.from_callback(self._keep_alive[-1], [slot.variable for slot in slots])
-
-    def guarded(self, call: Callable[..., int]) -> Callable[..., int]:
-        """Wrap a callback: store its exception, since none may pass through native frames."""
-
-        def called(*arguments: Any) -> int:
-            try:
-                return call(*arguments)
-            except BaseException as error:  # also Ctrl-C
-                self.failure = error
-                self.log.append(str(error) if isinstance(error, TwinError) else described(error))
-                return binary.ERROR
-
-        return called
-
-    def check(self, status: int, what: str) -> None:
-        """Raise the stored exception of a callback, or `SimulationError` if its status says that it failed."""
-        failure, self.failure = self.failure, None
-        if failure is not None:
-            raise failure
-        super().check(status, what)
+        return self.slot_access([self.slot(name) for name in names], write)
 
     def sense(self) -> None:
         """Poll the FMU's output clocks for ticks."""

@@ -5,18 +5,16 @@ A tick is a time event that the solver does not pass. Clocks of several such FMU
 
 from __future__ import annotations
 
-import ctypes
 from typing import TYPE_CHECKING, Any
 
 from twin import clock
-from twin.compiler import machine
 from twin.coupling import Access
 from twin.errors import FMUError
 from twin.fmi import values
 from twin.fmi.clocks.clock_calls import ClockedFMU
 from twin.fmi.clocks.clock_declarations import computed
-from twin.fmi.importing import binary
-from twin.fmi.model_exchange.model_exchange_member import ExchangeMember, ValueSlot
+from twin.fmi.importing.local_state import VariableSlot
+from twin.fmi.model_exchange.model_exchange_member import ExchangeMember
 
 if TYPE_CHECKING:
     from twin.fmi.csv_tables import Inputs
@@ -64,12 +62,12 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
 
     # values
 
-    def is_open(self, slot: ValueSlot) -> bool:
+    def is_open(self, slot: VariableSlot) -> bool:
         """Whether a variable may be read or set now."""
         clocks = self._clocks_of.get(slot.variable.references[0], ())
         return not clocks or self.is_initializing or not self.active.isdisjoint(clocks)
 
-    def move(self, slot: ValueSlot) -> None:
+    def move(self, slot: VariableSlot) -> None:
         """Move values between here and the FMU; those of clocks that do not tick stay as they are."""
         if slot.variable.type != "Clock" and self.is_open(slot):
             super().move(slot)
@@ -98,15 +96,7 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
             self._clocks_of.get(slot.variable.references[0]) or slot.variable.type == "Clock" for slot in slots
         ):
             return super().access(names, write)
-
-        def copied(_instance: int, _references: int, _count: int, address: int, _size: int) -> int:
-            for slot in slots:
-                ctypes.memmove(address, slot.address, slot.values.nbytes)
-                address += slot.values.nbytes
-            return binary.OK
-
-        self._keep_alive.append(machine.ACCESS(copied))
-        return Access.from_callback(self._keep_alive[-1], [slot.variable for slot in slots])
+        return self.slot_access(slots, write)
 
     # events
 

@@ -8,17 +8,15 @@ with an excursion to Event Mode at every event.
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin.compiler import machine
-from twin.coupling import Access, Member, MemberVariable, ResolvedConnection, StateAccess
-from twin.errors import TwinError, described
+from twin.coupling import Access, Member, MemberVariable, ResolvedConnection
 from twin.fmi.importing import binary
-from twin.fmi.importing.state_callbacks import both
+from twin.fmi.importing.local_state import VariableSlot
 from twin.fmi.model_exchange import solvers
 from twin.fmi.model_exchange.inputs import Followed
 from twin.fmi.model_exchange.model_exchange_calls import CONTINUOUS, ContinuousFMU
@@ -26,33 +24,11 @@ from twin.fmi.model_exchange.solvers import Discarded
 from twin.fmi.model_exchange.system import ContinuousSystem
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from twin.fmi.csv_tables import Inputs
     from twin.fmi.model_exchange.sensitivity import Sensitivity
-
-
-@dataclass(slots=True)
-class ValueSlot:
-    """A variable's values in this process, at an address. `applied`: the last value set in the FMU, of an input.
-
-    `call`: moves the values between here and the FMU, in the one direction that there is for the variable.
-    """
-
-    variable: MemberVariable
-    is_input: bool
-    values: np.ndarray[Any, Any]
-    applied: np.ndarray[Any, Any]
-    address: int
-    name: str = ""
-    call: Callable[[], int] = int
-    is_driven: bool = False  # an input that has all its values from a member that it is integrated with
-
-    @property
-    def has_changed(self) -> bool:
-        """Whether an input's values from outside differ from those set in the FMU last."""
-        return self.is_input and not self.is_driven and self.values.tobytes() != self.applied.tobytes()
 
 
 class ExchangeMember(ContinuousFMU):
@@ -85,19 +61,16 @@ class ExchangeMember(ContinuousFMU):
         self.notes.append(f"is integrated by {self.solver or solvers.DEFAULT}, relative tolerance {exact:g}")
         assert self._unpacked.description.continuous is not None
         self.structure = self._unpacked.description.continuous
-        self.slots: dict[str, ValueSlot] = {}
         self.system: ContinuousSystem | None = None
-        self.failure: BaseException | None = None
         self._given: dict[str, np.ndarray[Any, Any]] = {}  # what was set last
         self._waiting: dict[str, Any] = {}  # what is to be set at the next event
         self.followed: Followed | None = None
         self.sensitivity: Sensitivity | None = None  # integrated together with the states of the system
-        self._keep_alive: list[Any] = []  # callbacks
-        self._callback = machine.STEP(self._step)
+        self._callback = machine.STEP(self.guarded(self._step))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         super().__setstate__(state)
-        self._callback = machine.STEP(self._step)
+        self._callback = machine.STEP(self.guarded(self._step))
 
     # call sequence
 
@@ -148,23 +121,12 @@ class ExchangeMember(ContinuousFMU):
 
     def _step(self, _instance: int, t: float, h: float, _: int, *flags: int) -> int:
         _event, terminate, _early, reached = flags
-        try:
-            assert self.system is not None
-            self.system.step(t, h)
-        except BaseException as error:  # also Ctrl-C: nothing may pass through native frames
-            self.failure = error
-            self.log.append(str(error) if isinstance(error, TwinError) else described(error))
-            return binary.ERROR
+        assert self.system is not None
+        self.system.step(t, h)
         if self.system.ended:
             machine.write8(terminate, 1)
             machine.write_float(reached, self.system.t)
         return binary.OK
-
-    def check(self, status: int, what: str) -> None:
-        failure, self.failure = self.failure, None
-        if failure is not None:
-            raise failure
-        super().check(status, what)
 
     def last_successful_time(self, reached: float) -> float | None:
         return reached
@@ -174,34 +136,20 @@ class ExchangeMember(ContinuousFMU):
             self._state = "stepping"
         super().close()
 
-    def save(self) -> Any:
-        return super().save(), self._local_state()
-
-    def restore(self, saved: Any) -> None:
-        super().restore(saved[0])
-        self._restore_local_state(saved[1])
-
     def serialization_problem(self) -> str:
         return "it is integrated here (Model Exchange), and the state of its solver cannot be written"
 
     def _local_state(self) -> tuple[Any, ...]:
         """State outside the FMU: values in this process, and the solver's progress."""
         assert self.system is not None
-        values = {name: (slot.values.copy(), slot.applied.copy()) for name, slot in self.slots.items()}
-        return self.system.save(), values, self.states.copy(), dict(self._waiting)
+        return self.system.save(), super()._local_state(), self.states.copy(), dict(self._waiting)
 
     def _restore_local_state(self, saved: tuple[Any, ...]) -> None:
         assert self.system is not None
         at, values, states, waiting = saved
-        for name, (current, applied) in values.items():
-            self.slots[name].values[:], self.slots[name].applied[:] = current, applied
-        self.states[:], self.failure, self._waiting = states, None, dict(waiting)
+        super()._restore_local_state(values)
+        self.states[:], self._waiting = states, dict(waiting)
         self.system.restore(at)
-
-    def state_access(self, count: int) -> StateAccess:
-        """Access to the FMU state and the state in this process."""
-        own, saved_states = super().state_access(count), self._unpacked.saved_states
-        return both(own, self._local_state, self._restore_local_state, saved_states, self._keep_alive)
 
     # values
 
@@ -236,10 +184,6 @@ class ExchangeMember(ContinuousFMU):
         if variable.connectable and variable.causality == "input":
             self._given[variable.name] = np.array(value, variable.dtype).reshape(-1)
 
-    def address(self, name: str) -> int:
-        variable = self.variables[name]
-        return self.slot(variable.name).address if variable.connectable else 0
-
     def access(self, names: list[str], write: bool) -> Access:
         if not write:
             return super().access(names, write)
@@ -260,13 +204,13 @@ class ExchangeMember(ContinuousFMU):
         made.function, made.takes_size = ctypes.cast(self._keep_alive[-1], ctypes.c_void_p).value or 0, True
         return made
 
-    def slot(self, name: str) -> ValueSlot:
+    def slot(self, name: str) -> VariableSlot:
         """Where a variable's values lie for others; they are there at once if the member is integrated."""
         if name in self.slots:
             return self.slots[name]
         variable = self.variables[name]
         values, is_input = np.zeros(variable.size, variable.dtype), variable.causality == "input"
-        slot = self.slots[name] = ValueSlot(variable, is_input, values, values.copy(), int(values.ctypes.data))
+        slot = self.slots[name] = VariableSlot(variable, is_input, values, values.copy())
         access = super().access([name], write=is_input)
         self._keep_alive.append(access)
         slot.name, slot.call = access.name, partial(access.call, self.instance, slot.address)
@@ -278,7 +222,7 @@ class ExchangeMember(ContinuousFMU):
             self.move(slot)
         return slot
 
-    def move(self, slot: ValueSlot) -> None:
+    def move(self, slot: VariableSlot) -> None:
         """Set an input's values in the FMU, or read another variable's from it."""
         status = slot.call()
         if status == binary.DISCARD:

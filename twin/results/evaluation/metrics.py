@@ -125,6 +125,11 @@ class Plot:
     points: bool = False
 
     @property
+    def expressions(self) -> list[Expression]:
+        """All expressions of its curves."""
+        return [part for curve in self.curves for part in (curve.x, curve.signal) if part is not None]
+
+    @property
     def is_difference(self) -> bool:
         """Whether the offset of the unit does not matter, as in 2 degC more."""
         return all(dimension.is_difference(curve.signal) for curve in self.curves)

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 from twin.errors import CouplingError
 from twin.scenario.keys import quantities
 from twin.scenario.resolution.variable_names import find, nearest
-from twin.scenario.spec import ControlSpec, TargetSpec, WarningSpec
+from twin.scenario.spec import ControlSpec
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping
 
     from twin.coupling import Catalog, MemberVariable
-    from twin.scenario.keys.schema import ScenarioKeys
+    from twin.scenario.keys.schema import ScenarioKeys, TargetKeys, WarningKeys
     from twin.scenario.spec import Case, ScenarioSpec
     from twin.scenario.yaml_files.yaml_node import Node
 
@@ -36,33 +36,13 @@ def controls(keys: ScenarioKeys, tree: Node) -> tuple[ControlSpec, ...]:
     """Create the control specifications from the validated keys."""
     return tuple(
         ControlSpec(
-            control.input,
-            control.label or control.input,
-            control.description,
-            control.range,
-            control.rest,
-            control.dead_zone,
-            dict(control.along),
-            control.stick,
-            tuple(control.keys),
-            control.axis,
-            control.reverse,
-            tuple(control.buttons),
-            tuple(control.variants),
-            str(tree.find(("console", "controls", i)).location),
+            **control.model_dump()
+            | {key: tuple(getattr(control, key)) for key in ("keys", "buttons", "variants")}
+            | {"label": control.label or control.input},
+            where=str(tree.find(("console", "controls", i)).location),
         )
         for i, control in enumerate(keys.console.controls)
     )
-
-
-def targets_and_warnings(keys: ScenarioKeys) -> tuple[TargetSpec | None, tuple[WarningSpec, ...]]:
-    """Create the specifications of targets and warnings from the validated keys."""
-    targets = keys.console.targets
-    spec = None
-    if targets is not None:
-        points = {name: tuple(point) for name, point in targets.points.items()}
-        spec = TargetSpec(targets.signal, points, targets.tolerance)
-    return spec, tuple(WarningSpec(each.signal, each.above, each.text) for each in keys.console.warnings)
 
 
 def check_console(scenario: ScenarioSpec) -> list[str]:
@@ -128,7 +108,7 @@ def check_controls(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> l
     return problems
 
 
-def resolve_targets(spec: TargetSpec, catalog: Catalog) -> dict[str, Any]:
+def resolve_targets(spec: TargetKeys, catalog: Catalog) -> dict[str, Any]:
     """Return targets in the signal's unit: signal, tolerance, points; CouplingError if they do not fit the signal."""
     variable, _ = find(spec.signal, catalog)
     points = {}
@@ -143,7 +123,7 @@ def resolve_targets(spec: TargetSpec, catalog: Catalog) -> dict[str, Any]:
     return {"signal": spec.signal, "tolerance": tolerance, "points": points}
 
 
-def resolve_warning(spec: WarningSpec, catalog: Catalog) -> dict[str, Any]:
+def resolve_warning(spec: WarningKeys, catalog: Catalog) -> dict[str, Any]:
     """Return a warning with its limit in the signal's unit; CouplingError for an array or a text."""
     variable, index = find(spec.signal, catalog)
     if variable.shape or index or variable.dtype.kind == "O":

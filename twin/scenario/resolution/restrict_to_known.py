@@ -56,7 +56,7 @@ def restrict(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog], analyses: 
         ),
         plots=tuple(
             item
-            if can_read([part for curve in item.curves for part in (curve.x, curve.signal) if part], item.variants)
+            if can_read(item.expressions, item.variants)
             else replace(item, curves=(), x_unit="")  # kept, because its index locates it in the file
             for item in scenario.plots
         ),

@@ -132,13 +132,7 @@ def shown(root: Node, key: str, specs: Iterable[Plot | Scene], case: Case) -> It
 def owners(figure: Plot | Scene) -> set[str]:
     """Return the names of the members and analyses that a plot or scene reads."""
     if isinstance(figure, Plot):
-        expressions = [
-            curve_expression
-            for curve in figure.curves
-            for curve_expression in (curve.signal, curve.x)
-            if curve_expression is not None
-        ]
-        names = [signal.name for expression in expressions for signal in expression.signals]
+        names = [signal.name for expression in figure.expressions for signal in expression.signals]
     else:
         names = [*figure.names, *(figure.space.all_names if figure.space else ())]
     return {name.partition(".")[0] for name in names}
