@@ -14,7 +14,7 @@ from nicegui import run as nicegui_run
 
 from twin import web
 from twin.console import charts, operator_panel, safety, start_page, summary, targets, websocket
-from twin.console.animation import FLAT, Pictures
+from twin.console.animation import FLAT, Pictures, to_si
 from twin.console.joysticks import Desk, Presence, controls
 from twin.console.session import panels
 from twin.errors import TwinError
@@ -197,11 +197,12 @@ def _session(context: PageContext) -> None:
     added = [panel for panel in panels() if not panel.path and (catalog.hardware or not panel.hardware)]
     _bar(context)
     with ui.element("div").classes("twin-desk"):
-        if (views := web.build_views(catalog)) or catalog.spaces:
+        drawn = to_si(catalog)
+        if (views := web.build_views(drawn)) or catalog.spaces:
             with ui.element("div").classes("twin-card twin-picture"):
                 if catalog.targets:
                     score = ui.element("div")
-                picture = Pictures(context, catalog, views)
+                picture = Pictures(context, drawn, views)
                 if catalog.targets:
                     with score:
                         targets.panel(context, picture)
