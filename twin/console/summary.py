@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -62,8 +63,8 @@ def view_page(folder: Path, name: str, *options: str) -> tuple[Path, str]:
     return target, done.stderr if done.returncode else ""
 
 
-def panel(context: PageContext) -> None:
-    """Create the list of requirements and metrics; it is judged once a second on the rows so far."""
+def panel(context: PageContext, failed: ui.label) -> None:
+    """Create the list of requirements and metrics; it is judged once a second on the rows so far. `failed`: see `judged`."""
     console, live, path = context.console, context.console.live, context.console.scenario
     assert live is not None
     assert path is not None
@@ -73,11 +74,12 @@ def panel(context: PageContext) -> None:
         return
     if not verdicts.expectations and not verdicts.metrics:
         return
-    operator_panel.section("Requirements and metrics", lambda: judged(console, verdicts), not verdicts.catalog.controls)
+    fill_list = partial(judged, console, verdicts, failed)
+    operator_panel.section("Requirements and metrics", fill_list, not verdicts.catalog.controls, lazy=False)
 
 
-def judged(console: Host, verdicts: SessionVerdicts) -> None:
-    """Create the rows of the list and a timer that judges them."""
+def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
+    """Create the rows of the list and a timer that judges them; `failed` names requirements that are not met."""
     shown: list[Any] = [None]
     live, before = verdicts.live, console.metrics_before((id(verdicts.live), verdicts.live.state.epoch))
     total = ui.label("Run to judge them.").classes("twin-h").mark("headline")
@@ -91,6 +93,8 @@ def judged(console: Host, verdicts: SessionVerdicts) -> None:
         if (rows, has_ended) == shown[0] or not rows:
             return
         shown[0], total.text = (rows, has_ended), headline(rows, has_ended)
+        names = [row.name for row in rows if row.verdict == "fail" and not row.is_metric]
+        failed.text, failed.visible = f"Not met: {'; '.join(names)}", bool(names)
         console.latest_metrics = (id(live), live.state.epoch), {row.name: row.detail for row in rows if row.is_metric}
         column.clear()
         with column:
