@@ -132,6 +132,10 @@ def single_axis_session(
             say()  # a jog leaves its last line open
             say(f"{name}: stopped, in {session.node.state}.")
             raise
+        except SimulationError:
+            if page is not None:
+                say()  # the error does not overwrite the last live values
+            raise
         finally:
             for text in session.master.recovered:
                 paragraph(text)

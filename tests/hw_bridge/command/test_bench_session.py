@@ -155,6 +155,10 @@ def test_a_motion_that_failed_leaves_no_reference(session, capsys):
         session.enter(inside=fail)
     assert session.calls[-1] == "inside"
     assert capsys.readouterr().out == "warning: note\n"
+    session.page = SimpleNamespace(look=None)
+    with pytest.raises(SimulationError, match="jammed"):
+        session.enter(inside=fail)
+    assert capsys.readouterr().out == "\nwarning: note\n"  # the last live values stay
 
 
 def test_a_page_is_looked_at_in_every_cycle_and_sees_live_values(session, monkeypatch):

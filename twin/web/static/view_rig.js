@@ -45,7 +45,7 @@ export function rig(place, view) {
   const tip = make(svg, "path", { class: "shaft" }), end = make(svg, "circle", { r: 5, class: "tip", visibility: "hidden" });
   const bar = (wallPart || one("force")) && contactForce(svg, 660, 34, 320, view, one("force"), wallPart);
   const dial = one("rotation") && rotation(svg, 960, bar ? 96 : 44);
-  const state = make(svg, "text", { x: 985, y: 244, class: "small end" });
+  const state = make(svg, "text", { x: wallPart ? 870 : 985, y: 244, class: "small end" });
   carriages.forEach((part) => part.raise());
   const magnify = drives.length === 1 && lens(svg, centers[0]);
 
