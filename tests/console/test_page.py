@@ -46,8 +46,10 @@ def press(page, label):
 
 
 def test_it_runs_pauses_and_steps(page):
+    page.wait_for_selector("text=Paused: press Run, then hold a control.")
     press(page, "run")
     said(page, "running")
+    page.wait_for_selector("text=Motion lasts while you hold a control.")
     page.wait_for_function(f"{NEWEST} > 0.2")
     page.wait_for_function("document.querySelector('.twin-view .on').textContent.endsWith(' mm')")  # the picture moves
     press(page, "pause")
