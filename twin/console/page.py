@@ -40,7 +40,10 @@ RATES = {
 REFRESH_PERIOD = 0.2  # period of updates of a page [s]
 TITLE = "Catheter twin"
 STYLE_LINK = '<link rel="stylesheet" href="/web/views.css"><link rel="stylesheet" href="/console/console.css">'
-NOT_BY_HAND = f"In this variant a script or a recording moves, and controls may have no effect. Variant for you: {scenario_paths.BY_HAND}."
+NOT_BY_HAND = (
+    "This variant follows a script or a recording: controls may have no effect. "
+    f"To operate, choose the variant “{scenario_paths.BY_HAND}”."
+)
 NOT_OPERATOR = "This page only watches: another page operates."
 
 
