@@ -289,6 +289,25 @@ def test_requirements_are_judged_once_rows_are_there(setting):
         assert one.page.shown() == shown
 
 
+def test_slow_judgments_leave_the_server_to_the_joysticks(setting, monkeypatch):
+    """One of 0.2 s is followed by a pause of two seconds."""
+    one, clock, calls = setting(), [100.0], []
+
+    def rows():
+        calls.append(clock[0])
+        clock[0] += 0.2
+        return [Row("pass", f"number {len(calls)}", "")]
+
+    monkeypatch.setattr(summary.time, "monotonic", lambda: clock[0])
+    one.state.epoch = 1
+    verdicts = SimpleNamespace(live=one.live, rows=rows, catalog=SimpleNamespace(judged_until=0.0))
+    with one.page:
+        summary.judged(one.console, verdicts, ui.label())
+    for clock[0] in (100.0, 101.0, 102.1, 103.0):
+        one.page.tick()
+    assert calls == [100.0, 103.0]
+
+
 @pytest.mark.parametrize(
     ("changes", "controls", "shown"),
     [

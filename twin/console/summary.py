@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import subprocess
 import sys
+import time
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
     from twin.console.session import Host
 
 JUDGE_PERIOD = 1.0  # [s]
+QUICK = (
+    0.05  # a judgment that takes longer is followed by a pause of ten times its duration [s]: joysticks need the server
+)
 PAGES = {"/signals": ("signals.html",), "/replay": ("scene.html", "--scene")}  # file and options of `twin view`
 SYMBOLS = {
     "pass": ("check_circle", "twin-good"),
@@ -81,14 +85,18 @@ def panel(context: PageContext, failed: ui.label) -> None:
 def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
     """Create the rows of the list and a timer that judges them; `failed` names requirements that are not met."""
     shown: list[Any] = [None]
+    paused_until = [0.0]
     live, before = verdicts.live, console.metrics_before((id(verdicts.live), verdicts.live.state.epoch))
     total = ui.label("Run to judge them.").classes("twin-h").mark("headline")
     column = ui.column().classes("full-width gap-1")
 
     async def judge() -> None:
-        if live.state.epoch == 0 or verdicts.live is not console.live:
+        begin = time.monotonic()
+        if live.state.epoch == 0 or verdicts.live is not console.live or begin < paused_until[0]:
             return
         rows = await nicegui_run.io_bound(verdicts.rows)
+        if (duration := time.monotonic() - begin) > QUICK:
+            paused_until[0] = begin + 11 * duration
         has_ended = live.state.phase in OVER or live.state.time >= verdicts.catalog.judged_until
         if (rows, has_ended) == shown[0] or not rows:
             return
