@@ -42,8 +42,12 @@ REFRESH_PERIOD = 0.1  # of the running command [s]
 LIVE = {"6041h": "state", "6064h": "position", "606Ch": "velocity", "6078h": "current", "603Fh": "error"}
 RAW = re.compile(r" \([^()]*\)$")  # value in the drive's own unit, behind a quantity
 ERROR = re.compile(r"(?:^|(?<=  ))error: ", re.MULTILINE)  # before the error that a command prints at its end
+JOG_END = re.compile(r"(upper|lower) end \((.*)\)\s*$")  # at the end of the live values of a jog
 STOPPED = 130  # exit code after Ctrl-C, which STOP and Esc send
-SIMULATED = "Each command starts new simulated drives: positions count from 0 again, nothing stays set, and there is no live state."
+SIMULATED = (
+    "Each command starts new simulated drives: positions count from 0 again, and nothing stays set. "
+    "State and position are shown while a command moves a drive; between commands there is none."
+)
 
 
 class Page:
@@ -308,6 +312,7 @@ def now(page: Page) -> None:
         show_running(page)
 
     running_command()
+    end = ui.label("").classes("twin-state twin-warn").props("role=status")
     text = ui.label("").classes("twin-told twin-bench-said")
     plot = ui.html("", sanitize=False)
     before = ui.html("", sanitize=False)
@@ -317,6 +322,8 @@ def now(page: Page) -> None:
             return
         last_shown["changed"] = typed.changed
         text.text = typed.text if typed.running else parts(typed)[0]
+        end.text = end_text(typed)
+        end.visible = bool(end.text)
         stage = (typed.running, typed.line, typed.controls)
         if last_shown.get("stage") == stage:
             return
@@ -328,6 +335,14 @@ def now(page: Page) -> None:
 
     look()
     ui.timer(REFRESH_PERIOD, look)
+
+
+def end_text(typed: Typed) -> str:
+    """Which end of a jog is reached, and that only the other direction moves; empty in between."""
+    reached = JOG_END.search(typed.text) if typed.running else None
+    if reached is None:
+        return ""
+    return f"At the {reached[1]} end of this jog, by {reached[2]}: only the other direction moves."
 
 
 def show_running(page: Page) -> None:

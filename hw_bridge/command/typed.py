@@ -235,6 +235,6 @@ class Typed:
 
 
 def settled(text: str) -> str:
-    """Text as a terminal would show it: without overwritten lines."""
+    """Text as a terminal would show it: without overwritten lines. A last "\\r" stays: what follows overwrites its line."""
     lines = [row.rstrip("\r").rpartition("\r")[2] for row in text.split("\n")]
-    return "\n".join(lines)[-SHOWN:]
+    return "\n".join(lines)[-SHOWN:] + "\r" * text.endswith("\r")

@@ -70,6 +70,8 @@ class SingleAxisSession:
         self.due = 0
         self.paced = False  # whether a bus in simulated time keeps to the wall clock, for a person's keys
         self.ramp = Ramp(0.0, 1.0, 1.0)
+        self.next_line = 0  # when live values are shown again [ns]
+        self.note = ""  # what the operator must know now, such as a limit; shown behind the live values
 
     @property
     def keys(self) -> NodeKeys:

@@ -8,7 +8,7 @@ import pytest
 
 from hw_bridge.command import hil
 from hw_bridge.command.commissioning_steps import ANY_TIME, READING, STEPS, is_done, missing, options, problem
-from hw_bridge.command.pages import PANEL, parts, result, state_text
+from hw_bridge.command.pages import PANEL, end_text, parts, result, state_text
 from hw_bridge.command.typed import MOVES, settled
 from hw_bridge.commission import axis
 from tests.every_case import every_case
@@ -255,6 +255,27 @@ def test_a_field_says_what_it_expects(typed, word, option, text):
     (step,) = [step for step in STEPS if step.word == word]
     (entry,) = [entry for entry in step.entries if entry.option == option]
     assert problem(step, entry, text, axis(one.file, one.keys, "axis")) == LINEAR[word, option, text]
+
+
+@every_case(
+    ("last", "text"),
+    [
+        ("> 9.99 mm 1.00 mm/s 0.10 A  Operation enabled   ", ""),
+        (
+            "10.00 mm 0.00 mm/s 0.10 A  Operation enabled   upper end (--distance)   \r",
+            "At the upper end of this jog, by --distance: only the other direction moves.",
+        ),
+        (
+            "-35.00 mm 0.00 mm/s 0.10 A  Operation enabled   lower end (limits.position)",
+            "At the lower end of this jog, by limits.position: only the other direction moves.",
+        ),
+    ],
+)
+def test_a_jog_says_that_it_has_reached_its_end(last, text):
+    typed = SimpleNamespace(running=True, text=f"axis: hold a button; -10.00 mm to 10.00 mm.\n{last}")
+    assert end_text(typed) == text
+    typed.running = False
+    assert end_text(typed) == ""
 
 
 def test_a_move_needs_one_goal():

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from tests.every_case import every_case
 from twin.component import catalog
+from twin.console.animation import to_si
 from twin.console.operator_panel import condense, read, refusal
 from twin.live import Catalog, CatalogControl, CatalogSignal, ExecutedCommand
 from twin.web.views import BENCH, DRAWINGS, RIG, SCENE, build_views
@@ -44,6 +45,29 @@ def test_members_are_found_by_class_and_in_groups_by_signals():
     ]
     assert views[0]["parts"][1]["sizes"] == {"surface_position": 0.002}
     assert views[1]["parts"][0]["signals"]["position"] == "rig.axis.position"
+
+
+def test_pictures_are_drawn_in_si_where_a_member_declares_other_units():
+    """Sizes, targets and limits of a member in millimeters and millinewtons."""
+    catalog = session(
+        {"drive": "Servomotor", "wall": "Wall"},
+        ("output", "drive.position"),
+        ("output", "wall.force"),
+        ("parameter", "wall.surface_position"),
+    )
+    units = {"drive.position": "mm", "wall.force": "mN", "wall.surface_position": "mm"}
+    catalog = replace(
+        catalog,
+        signals={name: replace(one, unit=units[name], start=2.0) for name, one in catalog.signals.items()},
+        targets={"signal": "drive.position", "tolerance": 5.0, "points": {"near": [3.0]}},
+        warnings=({"signal": "wall.force", "above": 200.0, "text": "high"},),
+    )
+    drawn = to_si(catalog)
+    (view,) = build_views(drawn)
+    assert view["parts"][1]["sizes"] == {"surface_position": 0.002}
+    assert view["targets"] == [{"name": "near", "at": [0.003], "tolerance": 0.005}]
+    assert view["limits"] == {"wall.force": 0.2}
+    assert drawn.warnings[0]["above"] == 0.2
 
 
 def test_nothing_is_drawn_of_what_is_unknown():

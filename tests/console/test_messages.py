@@ -143,6 +143,15 @@ def test_a_tick_holds_what_has_changed():
     assert (number(math.inf), number(0.0), plain(np.array(np.nan)), plain(np.array(3))) == (None, 0.0, None, 3)
 
 
+def test_values_that_move_pictures_are_in_si(monkeypatch):
+    """A member of a foreign FMU declares its length in millimeters."""
+    setting = Setting()
+    monkeypatch.setattr(setting.live.catalog.signals["a.x"], "unit", "mm")
+    setting.take({"watch": ["a.x"]})
+    tick = json.loads(tick_message(setting.console, "operator", 9, setting.messages))
+    assert tick["values"] == {"a.x": pytest.approx(0.002)}
+
+
 def test_what_moves_in_space_is_sent_when_it_has_changed():
     setting = Setting()
 

@@ -1,5 +1,6 @@
 """The page in a real browser, from the list of scenarios to the end of a session."""
 
+import itertools
 import re
 from urllib.parse import urlsplit
 
@@ -45,8 +46,10 @@ def press(page, label):
 
 
 def test_it_runs_pauses_and_steps(page):
+    page.wait_for_selector("text=Paused: press Run, then hold a control.")
     press(page, "run")
     said(page, "running")
+    page.wait_for_selector("text=Motion lasts while you hold a control.")
     page.wait_for_function(f"{NEWEST} > 0.2")
     page.wait_for_function("document.querySelector('.twin-view .on').textContent.endsWith(' mm')")  # the picture moves
     press(page, "pause")
@@ -106,6 +109,41 @@ def test_names_in_a_vessel_cover_no_other(page):
         }"""
     )
     assert (overlaps, outside) == ([], [])
+
+
+def test_figures_of_two_carriages_do_not_cover_each_other(page):
+    """With letters of a telephone, each carriage at the end toward the other; speeds with a decimal, the tip from its start."""
+    figures, boxes = page.evaluate(
+        """async () => {
+          const { drawViews } = await import("/web/views.js");
+          const carriage = (name) => ({ kind: "carriage", signals: { position: `${name}.position`, velocity: `${name}.velocity` }, sizes: {} });
+          const instrument = { kind: "instrument", signals: { tip_position: "tip" }, sizes: {} };
+          const place = document.body.appendChild(document.createElement("div"));
+          drawViews(place, [{ view: "rig", title: "", band: [0.1, 0.4], parts: [carriage("a"), carriage("b"), instrument] }])(
+            { "a.position": 0.025, "a.velocity": 0.1, "b.position": -0.025, "b.velocity": -0.1004, tip: 0.1032 });
+          const texts = [...place.querySelectorAll("text")].filter((text) => /mm.s|tip/.test(text.textContent));
+          texts.forEach((text) => (text.style.fontSize = "30px"));
+          const boxes = texts.map((text) => text.getBBox()).map(({ x, width }) => [x, x + width]);
+          place.remove();
+          return [texts.map((text) => text.textContent), boxes];
+        }"""
+    )
+    assert sorted(figures) == ["-100.4 mm/s", "100.0 mm/s", "tip moved 103.2 mm"]
+    boxes.sort()
+    assert all(left[1] < right[0] for left, right in itertools.pairwise(boxes))
+    assert boxes[0][0] >= 0
+    assert boxes[-1][1] <= 1000
+
+
+def test_a_telephone_shows_picture_joysticks_curves_and_then_values(page):
+    page.set_viewport_size({"width": 360, "height": 780})
+    order = [
+        page.locator(one).first.bounding_box()["y"]
+        for one in (".twin-picture", ".twin-controls", ".twin-chart", ".twin-panels")
+    ]
+    page.set_viewport_size({"width": 1400, "height": 1000})
+    assert order == sorted(order)
+    assert page.locator(".twin-controls").bounding_box()["x"] == page.locator(".twin-panels").bounding_box()["x"] > 700
 
 
 def test_a_value_is_set_in_the_unit_that_is_shown(page):

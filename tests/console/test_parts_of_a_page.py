@@ -186,16 +186,12 @@ def test_what_a_page_is_about(setting):
     assert page._stage(one.console) == ("pick",)
 
 
-def overview(title, topic="", duration="", has_controls=False):
-    return Overview(title=title, topic=topic, duration=duration, has_controls=has_controls)
-
-
 def test_a_scenario_is_picked(setting, monkeypatch):
     one = setting()
     overviews = {
-        "teleoperation": overview("Robot", "operate", "30 s", True),
-        "valve": overview("Valve", "operate", "", True),
-        "beat": overview("Beat", "force", "2 s"),
+        "teleoperation": Overview("Robot", "operate", "30 s", True),
+        "valve": Overview("Valve", "operate", "", True, "by hand"),
+        "beat": Overview("Beat", "force", "2 s"),
     }
     paths = {name: Path(f"{name}.yaml") for name in overviews}
     monkeypatch.setattr(start_page, "recent_and_all", lambda runs: (["beat"], paths))
@@ -203,7 +199,14 @@ def test_a_scenario_is_picked(setting, monkeypatch):
     with one.page:
         start_page.pick(one.context)
     beat = ["beat", "Beat, 2\N{NO-BREAK SPACE}s"]
-    operate = ["teleoperation", "start here", "Robot, 30\N{NO-BREAK SPACE}s", "valve", "has controls", "Valve"]
+    operate = [
+        "teleoperation",
+        "start here",
+        "Robot, until you end it",
+        "valve",
+        "has controls",
+        "Valve, until you end it",
+    ]
     assert one.page.shown() == [
         "Select a scenario",
         *("Recent", *beat),
@@ -218,7 +221,7 @@ def test_a_scenario_is_picked(setting, monkeypatch):
         cards = [each for each in one.page.elements() if "twin-pick" in each.classes]
         assert len(cards) == count
     one.page.send(cards[1], "click")
-    assert one.calls == [("console", "begin", Path("valve.yaml"))]
+    assert one.calls == [("console", "begin", Path("valve.yaml"), "by hand")]
 
 
 def test_recent_scenarios_are_the_last_that_ran(monkeypatch, tmp_path):
@@ -259,14 +262,15 @@ def test_requirements_are_judged_once_rows_are_there(setting):
     verdicts = SimpleNamespace(live=one.live, rows=lambda: judged[0], catalog=SimpleNamespace(judged_until=0.0))
     one.state.epoch = 0
     with one.page:
-        summary.judged(one.console, verdicts)
+        summary.judged(one.console, verdicts, failed := ui.label())
     judged[0] = [Row("pass", "near", "3 mm"), Row("fail", "fast", "2 s"), Row("", "mean", "1 N")]
     one.page.tick()
     assert one.page.shown() == ["Run to judge them."]
     one.state.epoch = 1
     one.page.tick()
     details = ["near", "3 mm", "fast", "2 s", "mean", "1 N"]
-    assert one.page.shown() == ["1 of 2 requirements failed.", *details]
+    assert failed.text == "Not met: fast"
+    assert one.page.shown() == [failed.text, "1 of 2 requirements failed.", *details]
     icons = one.page.elements(ui.icon)
     assert [icon.props["aria-label"] for icon in icons] == ["pass", "fail", "metric"]
     assert [icon.props["name"] for icon in icons] == ["check_circle", "cancel", "straighten"]
@@ -275,6 +279,7 @@ def test_requirements_are_judged_once_rows_are_there(setting):
     judged[0] = [Row("waiting", "near", "later")]
     one.page.tick()
     assert [icon.props["name"] for icon in one.page.elements(ui.icon)] == ["schedule"]
+    assert not failed.visible
     shown = one.page.shown()
     for judged[0], verdicts.live in (
         ([], one.live),
@@ -282,6 +287,25 @@ def test_requirements_are_judged_once_rows_are_there(setting):
     ):
         one.page.tick()
         assert one.page.shown() == shown
+
+
+def test_slow_judgments_leave_the_server_to_the_joysticks(setting, monkeypatch):
+    """One of 0.2 s is followed by a pause of two seconds."""
+    one, clock, calls = setting(), [100.0], []
+
+    def rows():
+        calls.append(clock[0])
+        clock[0] += 0.2
+        return [Row("pass", f"number {len(calls)}", "")]
+
+    monkeypatch.setattr(summary.time, "monotonic", lambda: clock[0])
+    one.state.epoch = 1
+    verdicts = SimpleNamespace(live=one.live, rows=rows, catalog=SimpleNamespace(judged_until=0.0))
+    with one.page:
+        summary.judged(one.console, verdicts, ui.label())
+    for clock[0] in (100.0, 101.0, 102.1, 103.0):
+        one.page.tick()
+    assert calls == [100.0, 103.0]
 
 
 @pytest.mark.parametrize(

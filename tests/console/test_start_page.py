@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("nicegui")
 
-from twin.console.start_page import START_HERE, TOPICS, group_scenarios, select_groups
+from twin.console.start_page import START_HERE, TOPICS, group_scenarios, select_groups, shown_duration
 from twin.scenario import scenario_paths
 
 
@@ -22,6 +22,21 @@ def test_scenarios_are_grouped_by_topic(groups):
     assert START_HERE in dict(by_heading["Operate"])
     assert all(each.has_controls for _, each in by_heading["Operate"])
     assert dict(by_heading[TOPICS["force"]])["heart_wall_force"].duration == "22 s"
+
+
+def test_every_scenario_says_how_long_it_lasts(groups):
+    """Also where the stop time is that of the extended file; an operator ends a session with controls."""
+    overviews = {name: each for _, entries in groups for name, each in entries}
+    assert overviews["contact_force"].duration == overviews["heart_wall_replay"].duration != ""
+    assert shown_duration(overviews["vessel_teleoperation"]) == "until you end it"
+    assert [name for name, each in overviews.items() if not shown_duration(each)] == []
+
+
+def test_a_scenario_with_controls_begins_with_the_variant_for_an_operator(groups):
+    """The first variant of `in_vivo_navigation` replays a recording, in which a joystick moves nothing."""
+    overviews = {name: each for _, entries in groups for name, each in entries}
+    assert overviews["in_vivo_navigation"].variant == "by hand"
+    assert overviews["racs"].variant is None
 
 
 def test_every_shipped_scenario_has_a_topic():

@@ -35,10 +35,11 @@ def parts(monkeypatch):
         label = f"{module.__name__.rpartition('.')[2]}.{name}"
         monkeypatch.setattr(module, name, lambda *_, label=label: ui.label(label))
     monkeypatch.setattr(page.operator_panel, "panel", lambda context, more: (ui.label("operator"), more()))
-    monkeypatch.setattr(page.summary, "panel", lambda _: ui.label("requirements"))
+    monkeypatch.setattr(page.summary, "panel", lambda *_: ui.label("requirements"))
     monkeypatch.setattr(page, "_bar", lambda _: ui.label("bar"))
     monkeypatch.setattr(page, "_top", lambda _, attends=False: ui.label(f"top {attends}"))
     monkeypatch.setattr(page, "Desk", lambda controls: ui.label(f"desk {controls}"))
+    monkeypatch.setattr(page, "to_si", lambda catalog: catalog)
     monkeypatch.setattr(page, "Pictures", lambda _, catalog, views: ui.label(f"picture {views} {catalog.warnings}"))
     monkeypatch.setattr(page, "controls", lambda catalog: "controls")
 
@@ -54,7 +55,15 @@ def parts(monkeypatch):
 
 
 def session(**catalog):
-    defaults = {"hardware": False, "views": [], "warnings": ["w"], "targets": None, "spaces": ()}
+    defaults = {
+        "controls": (),
+        "variant": "",
+        "hardware": False,
+        "views": [],
+        "warnings": ["w"],
+        "targets": None,
+        "spaces": (),
+    }
     state = SimpleNamespace(phase="paused", epoch=1, folder="")
     return SimpleNamespace(catalog=SimpleNamespace(**defaults | catalog), state=state)
 
@@ -74,6 +83,10 @@ BENCH = Panel("Bench", lambda console, is_operator: ui.label(f"bench {is_operato
                 *("bar", "picture [1] ['w']", "desk controls", "safety.panel", "operator", "requirements"),
                 *("charts.panel", "Shape", "Drives"),
             ],
+        ),
+        (
+            {"controls": ("hand",), "variant": "recording", "variants": {"recording": "", "by hand": ""}},
+            ["bar", "desk controls", page.NOT_BY_HAND, "operator", "requirements", "charts.panel", "Shape"],
         ),
         (
             {"spaces": [1]},
@@ -190,12 +203,16 @@ def test_requirements_are_listed_where_there_are_some(monkeypatch):
         return SimpleNamespace(expectations=made[0][0], metrics=made[0][1], catalog=catalog)
 
     monkeypatch.setattr(summary, "SessionVerdicts", verdicts)
-    monkeypatch.setattr(summary.operator_panel, "section", lambda title, fill, opened: sections.append((title, opened)))
+    monkeypatch.setattr(
+        summary.operator_panel,
+        "section",
+        lambda title, fill, opened, lazy: sections.append((title, opened)) if not lazy else None,
+    )
     for made[:] in ([None], [((), ())]):
-        summary.panel(PageContext(console, one.client))
+        summary.panel(PageContext(console, one.client), None)
     assert sections == []
     for made[:], catalog.controls in (([((1,), ())], ()), ([((), (1,))], ("hand",))):
-        summary.panel(PageContext(console, one.client))
+        summary.panel(PageContext(console, one.client), None)
     assert sections == [("Requirements and metrics", True), ("Requirements and metrics", False)]
 
 

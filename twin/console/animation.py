@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from nicegui import ui
 from nicegui.element import Element
 
 from twin.console.space import SpacePicture, titles
+from twin.results import si_conversion
 
 if TYPE_CHECKING:
     from twin.console.page import PageContext
@@ -16,6 +19,33 @@ if TYPE_CHECKING:
 
 FLAT = -1  # number of the picture in two dimensions
 NO_WEBGL = "3-D is not available: this browser has no WebGL."
+
+
+def to_si(catalog: Catalog) -> Catalog:
+    """Return a catalog whose start values, targets and warnings are in SI, like the values that move pictures."""
+
+    def scale(signal: str) -> tuple[float, float]:
+        return si_conversion(catalog.signals[signal.partition("[")[0]].unit)
+
+    scales = {name: scale(name) for name in catalog.signals}
+    signals = {
+        name: signal
+        if signal.start is None or scales[name] == (1.0, 0.0)
+        else replace(signal, start=convert(signal.start, scales[name]))
+        for name, signal in catalog.signals.items()
+    }
+    warnings = tuple({**each, "above": convert(each["above"], scale(each["signal"]))} for each in catalog.warnings)
+    targets = dict(catalog.targets)
+    if targets:
+        factor, offset = scale(targets["signal"])
+        points = {name: convert(point, (factor, offset)) for name, point in targets["points"].items()}
+        targets |= {"points": points, "tolerance": factor * targets["tolerance"]}
+    return replace(catalog, signals=signals, targets=targets, warnings=warnings)
+
+
+def convert(value: Any, scale: tuple[float, float]) -> Any:
+    """Return a plain value or array as `factor * value + offset` by its `scale`, (factor, offset)."""
+    return (scale[0] * np.asarray(value) + scale[1]).tolist()
 
 
 class Picture(Element, component="static/picture.js"):
@@ -33,7 +63,10 @@ class Picture(Element, component="static/picture.js"):
 
 
 class Pictures:
-    """The picture of a session, and the selection of one in three dimensions, of which only the shown one exists."""
+    """The picture of a session, and the selection of one in three dimensions, of which only the shown one exists.
+
+    `catalog`: in SI, see `to_si`.
+    """
 
     def __init__(self, context: PageContext, catalog: Catalog, views: list[dict[str, Any]]) -> None:
         self.context, self.catalog = context, catalog

@@ -35,13 +35,13 @@ def panel(context: PageContext, more: Callable[[], None]) -> None:
     section("Executed commands", lambda: done(context, live), opened=True)
 
 
-def section(title: str, fill: Callable[[], None], opened: bool = False) -> None:
-    """Create a section of a panel, which `fill` fills when it is first opened."""
+def section(title: str, fill: Callable[[], None], opened: bool = False, lazy: bool = True) -> None:
+    """Create a section of a panel, which `fill` fills when it is first opened, or at once unless `lazy`."""
     expansion = ui.expansion(title, value=opened).classes("full-width")
     filled = [False]
 
     def update() -> None:
-        if expansion.value and not filled[0]:
+        if (expansion.value or not lazy) and not filled[0]:
             filled[0] = True
             with expansion:
                 fill()

@@ -14,10 +14,11 @@ from nicegui import run as nicegui_run
 
 from twin import web
 from twin.console import charts, operator_panel, safety, start_page, summary, targets, websocket
-from twin.console.animation import FLAT, Pictures
+from twin.console.animation import FLAT, Pictures, to_si
 from twin.console.joysticks import Desk, Presence, controls
 from twin.console.session import panels
 from twin.errors import TwinError
+from twin.scenario import scenario_paths
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -39,6 +40,10 @@ RATES = {
 REFRESH_PERIOD = 0.2  # period of updates of a page [s]
 TITLE = "Catheter twin"
 STYLE_LINK = '<link rel="stylesheet" href="/web/views.css"><link rel="stylesheet" href="/console/console.css">'
+NOT_BY_HAND = (
+    "This variant follows a script or a recording: controls may have no effect. "
+    f"To operate, choose the variant “{scenario_paths.BY_HAND}”."
+)
 NOT_OPERATOR = "This page only watches: another page operates."
 
 
@@ -197,19 +202,30 @@ def _session(context: PageContext) -> None:
     added = [panel for panel in panels() if not panel.path and (catalog.hardware or not panel.hardware)]
     _bar(context)
     with ui.element("div").classes("twin-desk"):
-        if (views := web.build_views(catalog)) or catalog.spaces:
+        si_catalog = to_si(catalog)
+        if (views := web.build_views(si_catalog)) or catalog.spaces:
             with ui.element("div").classes("twin-card twin-picture"):
                 if catalog.targets:
                     score = ui.element("div")
-                picture = Pictures(context, catalog, views)
+                picture = Pictures(context, si_catalog, views)
                 if catalog.targets:
                     with score:
                         targets.panel(context, picture)
-        with ui.element("div").classes("twin-card twin-hand"):
-            Desk(controls(catalog))
-            if catalog.hardware:
-                safety.panel(context)
-            operator_panel.panel(context, lambda: summary.panel(context))
+        with ui.element("div").classes("twin-hand"):
+            with ui.element("div").classes("twin-card twin-controls"):
+                failed = ui.label().classes("twin-warning").props("role=alert")
+                failed.visible = False
+                Desk(controls(catalog))
+                if (
+                    catalog.controls
+                    and catalog.variant != scenario_paths.BY_HAND
+                    and scenario_paths.BY_HAND in catalog.variants
+                ):
+                    ui.label(NOT_BY_HAND).classes("twin-state twin-warn")
+                if catalog.hardware:
+                    safety.panel(context)
+            with ui.element("div").classes("twin-card twin-panels"):
+                operator_panel.panel(context, lambda: summary.panel(context, failed))
         with ui.element("div").classes("twin-card twin-curves"):
             charts.panel(console)
         if added:

@@ -85,12 +85,17 @@ def select_groups(groups: list[Group], search: str) -> list[Group]:
     return selected
 
 
+def shown_duration(overview: scenario_paths.Overview) -> str:
+    """Return the simulated time of a session; with controls it lasts until the operator ends it."""
+    return "until you end it" if overview.has_controls else overview.duration.replace(" ", "\N{NO-BREAK SPACE}")
+
+
 def _card(context: PageContext, name: str, path: Path, overview: scenario_paths.Overview) -> None:
-    duration = overview.duration.replace(" ", "\N{NO-BREAK SPACE}")
+    duration = shown_duration(overview)
     with (
         ui.element("button")
         .classes("twin-card twin-pick")
-        .on("click", context.on_press(lambda: context.console.begin, path))
+        .on("click", context.on_press(lambda: context.console.begin, path, overview.variant))
     ):
         if overview.topic in TOPICS:
             ui.html(f'<img src="/console/topics/{overview.topic}.svg" alt="" loading="lazy">', sanitize=False)

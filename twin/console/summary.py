@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import subprocess
 import sys
+import time
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +29,9 @@ if TYPE_CHECKING:
     from twin.console.session import Host
 
 JUDGE_PERIOD = 1.0  # [s]
+QUICK = (
+    0.05  # a judgment that takes longer is followed by a pause of ten times its duration [s]: joysticks need the server
+)
 PAGES = {"/signals": ("signals.html",), "/replay": ("scene.html", "--scene")}  # file and options of `twin view`
 SYMBOLS = {
     "pass": ("check_circle", "twin-good"),
@@ -62,8 +67,8 @@ def view_page(folder: Path, name: str, *options: str) -> tuple[Path, str]:
     return target, done.stderr if done.returncode else ""
 
 
-def panel(context: PageContext) -> None:
-    """Create the list of requirements and metrics; it is judged once a second on the rows so far."""
+def panel(context: PageContext, failed: ui.label) -> None:
+    """Create the list of requirements and metrics; it is judged once a second on the rows so far. `failed`: see `judged`."""
     console, live, path = context.console, context.console.live, context.console.scenario
     assert live is not None
     assert path is not None
@@ -73,24 +78,31 @@ def panel(context: PageContext) -> None:
         return
     if not verdicts.expectations and not verdicts.metrics:
         return
-    operator_panel.section("Requirements and metrics", lambda: judged(console, verdicts), not verdicts.catalog.controls)
+    fill_list = partial(judged, console, verdicts, failed)
+    operator_panel.section("Requirements and metrics", fill_list, not verdicts.catalog.controls, lazy=False)
 
 
-def judged(console: Host, verdicts: SessionVerdicts) -> None:
-    """Create the rows of the list and a timer that judges them."""
+def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
+    """Create the rows of the list and a timer that judges them; `failed` names requirements that are not met."""
     shown: list[Any] = [None]
+    paused_until = [0.0]
     live, before = verdicts.live, console.metrics_before((id(verdicts.live), verdicts.live.state.epoch))
     total = ui.label("Run to judge them.").classes("twin-h").mark("headline")
     column = ui.column().classes("full-width gap-1")
 
     async def judge() -> None:
-        if live.state.epoch == 0 or verdicts.live is not console.live:
+        begin = time.monotonic()
+        if live.state.epoch == 0 or verdicts.live is not console.live or begin < paused_until[0]:
             return
         rows = await nicegui_run.io_bound(verdicts.rows)
+        if (duration := time.monotonic() - begin) > QUICK:
+            paused_until[0] = begin + 11 * duration
         has_ended = live.state.phase in OVER or live.state.time >= verdicts.catalog.judged_until
         if (rows, has_ended) == shown[0] or not rows:
             return
         shown[0], total.text = (rows, has_ended), headline(rows, has_ended)
+        names = [row.name for row in rows if row.verdict == "fail" and not row.is_metric]
+        failed.text, failed.visible = f"Not met: {'; '.join(names)}", bool(names)
         console.latest_metrics = (id(live), live.state.epoch), {row.name: row.detail for row in rows if row.is_metric}
         column.clear()
         with column:

@@ -8,7 +8,7 @@ including network delays. Messages are not trusted: see `PageMessages`. To the p
 
 From the page, one of these, up to MAX_CHARACTERS characters:
 
-    {"watch": [name, ...]}                            send the values of these signals, each when it has changed
+    {"watch": [name, ...]}                            send the values of these signals in SI, each when it has changed
     {"space": number of a scene, or null}             send what moves in a scene in three dimensions
     {"hold": control, "at": -1 to 1, "press": number of the press, "tick": the latest}     operator only
     {"release_hold": control, or "" for all}          operator only
@@ -30,6 +30,7 @@ import numpy as np
 
 from twin.console.space import space_view
 from twin.live import RefusedError
+from twin.results import si_conversion
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -56,6 +57,7 @@ class PageMessages:
         self._console, self._client, self._now = console, client, now
         self._sent: dict[int, float] = {}
         self.watched: tuple[str, ...] = ()
+        self.scales: dict[str, tuple[float, float]] = {}  # factor and offset of the watched signals to SI
         self.shown: dict[str, bytes] = {}  # values of the watched signals as the page has them
         self.space: SpaceView | None = None
         self.frame: dict[str, Any] | None = None  # of that scene, as the page has it
@@ -99,6 +101,7 @@ class PageMessages:
         if sum(math.prod(signals[name].shape) for name in names) > MAX_VALUES:
             raise ValueError(f"watch: more than {MAX_VALUES} values.")
         self.watched, self.shown = tuple(dict.fromkeys(names)), {}
+        self.scales = {name: si_conversion(signals[name].unit) for name in names}
 
     def _space(self, message: Mapping[str, Any]) -> None:
         number, catalog = message["space"], self._console.catalog
@@ -190,7 +193,9 @@ def tick_message(console: Host, client: str, tick: int, messages: PageMessages) 
         with suppress(RefusedError):
             for name, value in live.latest(messages.watched).values.items():
                 if len(value) and messages.shown.get(name) != (present := value[-1].tobytes()):
-                    messages.shown[name], values[name] = present, plain(value[-1])
+                    factor, offset = messages.scales[name]
+                    messages.shown[name] = present
+                    values[name] = plain(value[-1] if factor == 1.0 and not offset else factor * value[-1] + offset)
     frame = None
     with suppress(RefusedError):
         frame = messages.new_frame(live)

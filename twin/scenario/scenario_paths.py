@@ -22,6 +22,7 @@ TOPICS = {  # `topic` of a scenario, heading
     "injection": "Injection",
     "drives": "Drives and failures",
 }
+BY_HAND = "by hand"  # variant whose inputs are those of the controls; in others a script or a recording moves
 SHARE = "share/catheter-twin"  # data folder of the wheel, below the prefix
 
 
@@ -46,43 +47,50 @@ def scenarios(kind: str = "scenario") -> dict[str, Path]:
 
 @dataclass(frozen=True)
 class Overview:
-    """What a list shows of a scenario. `duration`: its stop time as written; empty if it is inherited."""
+    """What a list shows of a scenario. `duration`: its stop time as written, also in a file that it extends.
+
+    `variant`: the one for an operator, None if there is none.
+    """
 
     title: str
     topic: str = ""
     duration: str = ""
     has_controls: bool = False
+    variant: str | None = None
 
 
 def overview(path: Path) -> Overview:
-    """Return what a scenario's own file says, but controls are also those that it inherits. The title is the error if it cannot be read."""
+    """Return what a scenario's own file says; stop time and controls may be inherited. The title is the error if it cannot be read."""
     from twin.scenario.yaml_files import yaml_reader
 
     try:
         entries = yaml_reader.read(path, path.name).entries
     except ScenarioError as error:
         return Overview(error.problems[0])
-    title, topic, stop = (str(entries[key].value) if key in entries else "" for key in ("title", "topic", "stop_time"))
+    title, topic = (str(entries[key].value) if key in entries else "" for key in ("title", "topic"))
+    stop_node, console = (_inherited(path, entries, key) for key in ("stop_time", "console"))
+    stop = "" if stop_node is None else str(stop_node.value)
     if not title and "description" in entries:
         title = str(entries["description"].value)
     duration = f"{stop} s" if stop.replace(".", "").isdigit() else stop
-    return Overview(title, topic, duration, _has_controls(path, entries))
+    has_controls = console is not None and (isinstance(console.value, list) or "controls" in console.entries)
+    variants = entries["variants"].entries if "variants" in entries else {}
+    return Overview(title, topic, duration, has_controls, BY_HAND if has_controls and BY_HAND in variants else None)
 
 
-def _has_controls(path: Path, entries: Mapping[str, Node]) -> bool:
-    """Whether the console of a file, or of the nearest file that it extends, has controls."""
+def _inherited(path: Path, entries: Mapping[str, Node], key: str) -> Node | None:
+    """Return a key of a file, or of the nearest file that it extends; None if there is none."""
     from twin.scenario.yaml_files import merge, yaml_reader
 
     visited: set[Path] = set()
-    while "console" not in entries and "extends" in entries and path not in visited:
+    while key not in entries and "extends" in entries and path not in visited:
         visited.add(path)
         path = merge.extended_file(path, str(entries["extends"].value))
         try:
             entries = yaml_reader.read(path, path.name).entries
         except ScenarioError:
-            return False
-    console = entries.get("console")
-    return console is not None and (isinstance(console.value, list) or "controls" in console.entries)
+            return None
+    return entries.get(key)
 
 
 def title(path: Path) -> str:

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-import sys
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import click
 
 from hw_bridge.command.bench.options import NODE, on_a_bus
-from hw_bridge.command.bench.single_axis import ARM, HOMED, page_watchdog, select_axis, single_axis_session
+from hw_bridge.command.bench.single_axis import (
+    ARM,
+    HOMED,
+    page_watchdog,
+    select_axis,
+    show_live,
+    single_axis_session,
+)
 from twin.cli import say
 from twin.errors import SimulationError
 
@@ -20,7 +26,7 @@ if TYPE_CHECKING:
     from hw_bridge.commission import Axis, HeldKey, PageWatchdog, SingleAxisSession
 
 SLOW, GENTLE = 0.02, 0.1  # of the limits of velocity and acceleration, where nothing is said
-LOOK = 100_000_000  # between two lines of the display [ns]
+NEAR_END = 1e-5  # distance from the end of a jog at which it is reached [m or rad]
 ROUND = {"m": 10e-3, "rad": 0.2}  # how far a jog goes at most, where nothing is said: 10 mm, 11 deg
 READY = "hold a button"  # tells the page that the drive is ready to move
 
@@ -153,15 +159,14 @@ def jog_command(
         ends = f"{session.node.format_length(session.ramp.low)} to {session.node.format_length(session.ramp.high)}"
         terminal = page_watchdog() is None
         say(f"{session.node.name}: {f'hold an arrow key; {ends}. q ends it.' if terminal else f'{READY}; {ends}.'}")
-        due = 0
         while True:
             deflection = held_button.deflection()
             if held_button.over:
                 break
             session.go(session.ramp.follow(deflection * speed, session.h))
-            if session.network.now >= due:
-                due = session.network.now + LOOK
-                show(session)
+            session.note = reached_end(session, here, reach)
+            if terminal:
+                show_live(session)
         say()
 
 
@@ -177,11 +182,10 @@ def button() -> Iterator[PageWatchdog | HeldKey]:
         yield HeldKey(keyboard)
 
 
-def show(session: SingleAxisSession) -> None:
-    """Print the position on one line of the terminal."""
-    node = session.node
-    mark = {1: ">", -1: "<"}.get((session.ramp.velocity > 0) - (session.ramp.velocity < 0), " ")
-    sys.stdout.write(
-        f"\r{mark} {node.format_length(node.position):>14} {node.format_length(node.velocity):>12}/s {node.current:8.2f} A   "
-    )
-    sys.stdout.flush()
+def reached_end(session: SingleAxisSession, here: float, reach: float) -> str:
+    """Return which end of a jog is reached, and what limits it; empty in between. It began `here` and may go `reach` [m or rad]."""
+    ramp = session.ramp
+    for name, end, distance in (("upper", ramp.high, here + reach), ("lower", ramp.low, here - reach)):
+        if abs(end - ramp.position) < NEAR_END:
+            return f"{name} end ({'--distance' if end == distance else 'limits.position'})"
+    return ""

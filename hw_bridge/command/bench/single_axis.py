@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from hw_bridge.hardware import HardwareKeys
 
 PAGE = "hw_bridge.attendance"  # of click's context
+LINE_PERIOD = 100_000_000  # of the line with live values [ns]
 STOPPED_IN_STATE = r": stopped, in (.*)\."  # last line of an interrupted command, which a page shows
 
 
@@ -119,7 +121,8 @@ def single_axis_session(
         session = SingleAxisSession(restrict_to_node(keys, name, homes), name, network, axis.rotary, forced)
         session.paced = paced
         if (page := page_watchdog()) is not None:
-            session.master.attend = page.look
+            session.paced = True  # it is watched, and can be stopped
+            session.master.attend = partial(attend, page, session)
         try:
             with session.enabled(start, axis.keys if homed else None):
                 yield session
@@ -129,6 +132,10 @@ def single_axis_session(
             say()  # a jog leaves its last line open
             say(f"{name}: stopped, in {session.node.state}.")
             raise
+        except SimulationError:
+            if page is not None:
+                say()  # the error does not overwrite the last live values
+            raise
         finally:
             for text in session.master.recovered:
                 paragraph(text)
@@ -137,6 +144,25 @@ def single_axis_session(
     if session.master.notes:
         sys.exit(1)
     say(f"{name}: stopped and disabled.")
+
+
+def attend(page: PageWatchdog, session: SingleAxisSession) -> None:
+    """Check in a cycle that the page is present, and show it the live values."""
+    page.look()
+    show_live(session, is_page=True)
+
+
+def show_live(session: SingleAxisSession, is_page: bool = False) -> None:
+    """Print position, velocity, current and the session's note on one line, ten times a second; on a page also the state."""
+    node, now = session.node, session.network.now
+    if now < session.next_line:
+        return
+    session.next_line = now + LINE_PERIOD
+    mark = {1: ">", -1: "<"}.get((session.ramp.velocity > 0) - (session.ramp.velocity < 0), " ")
+    values = f"{node.format_length(node.position):>14} {node.format_length(node.velocity):>12}/s {node.current:8.2f} A"
+    state = f"  {node.state}" if is_page else ""
+    sys.stdout.write(f"\r{mark} {values}{state}   {session.note:<27}{chr(13) if is_page else ''}")
+    sys.stdout.flush()
 
 
 def check_before_power(sdo_session: SdoSession, axis: Axis, path: object) -> None:

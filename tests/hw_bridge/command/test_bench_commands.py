@@ -58,7 +58,7 @@ class Moves:
 
     def __init__(self, node):
         self.node, self.h, self.cycle = node, 0.005, 5_000_000
-        self.network = SimpleNamespace(now=0)
+        self.network, self.next_line, self.note = SimpleNamespace(now=0), 0, ""
         self.keys = SimpleNamespace(limits=SimpleNamespace(position=[-0.02, 0.03]))
         node.raw_position = 1000
         self.ramp, self.samples, self.positions, self.moves, self.rests = Ramp(0.001, 4.0, 4.0), [], [], [], 0
@@ -148,6 +148,8 @@ def test_a_jog_stays_near_where_it_began(run, held, words, low, high):
     assert text.startswith(f"axis: hold an arrow key; {low:.2f} mm to {high:.2f} mm. q ends it.")
     assert 1e3 * max(run.session.positions) == pytest.approx(high, abs=1e-6)
     assert 1e3 * min(run.session.positions) == pytest.approx(low, abs=1e-6)
+    for name, end, limit in (("upper", high, 30.0), ("lower", low, -20.0)):
+        assert f"{name} end ({'limits.position' if end == limit else '--distance'})" in text
 
 
 def test_a_jog_of_an_axis_that_turns(run, held, tmp_path):

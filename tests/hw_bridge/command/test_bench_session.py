@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from hw_bridge.command import hil
-from hw_bridge.command.bench import motion, single_axis, step
+from hw_bridge.command.bench import single_axis, step
 from hw_bridge.command.bench.options import BusChoice
 from hw_bridge.command.can import command as can_command
 from hw_bridge.commission import Axis
@@ -155,12 +155,20 @@ def test_a_motion_that_failed_leaves_no_reference(session, capsys):
         session.enter(inside=fail)
     assert session.calls[-1] == "inside"
     assert capsys.readouterr().out == "warning: note\n"
+    session.page = SimpleNamespace(look=None)
+    with pytest.raises(SimulationError, match="jammed"):
+        session.enter(inside=fail)
+    assert capsys.readouterr().out == "\nwarning: note\n"  # the last live values stay
 
 
-def test_a_page_is_looked_at_in_every_cycle(session):
-    session.page = SimpleNamespace(look="look")
-    session.enter()
-    assert ("enabled", 0.0, False, False, "look") in session.calls
+def test_a_page_is_looked_at_in_every_cycle_and_sees_live_values(session, monkeypatch):
+    looks = []
+    session.page = SimpleNamespace(look=lambda: looks.append("look"))
+    monkeypatch.setattr(single_axis, "show_live", lambda held, is_page: looks.append((held.node, is_page)))
+    held = session.enter()
+    held.master.attend()
+    assert looks == ["look", ("node", True)]
+    assert held.paced
 
 
 @pytest.mark.parametrize(("speed", "mark"), [(0.001, ">"), (-0.001, "<"), (0.0, " ")])
@@ -168,8 +176,15 @@ def test_the_line_of_a_jog(capsys, speed, mark):
     node = SimpleNamespace(
         position=0.001, velocity=-0.002, current=0.256, format_length=lambda value: f"{1e3 * value:.2f} mm"
     )
-    motion.show(SimpleNamespace(node=node, ramp=SimpleNamespace(velocity=speed)))
-    assert capsys.readouterr().out == f"\r{mark}        1.00 mm     -2.00 mm/s     0.26 A   "
+    network = SimpleNamespace(now=5)
+    held = SimpleNamespace(node=node, ramp=SimpleNamespace(velocity=speed), network=network, next_line=0, note="")
+    single_axis.show_live(held)
+    values = f"\r{mark}        1.00 mm     -2.00 mm/s     0.26 A"
+    assert capsys.readouterr().out == f"{values}   {'':<27}"
+    single_axis.show_live(held)  # not yet again
+    network.now, held.note, node.state = 5 + single_axis.LINE_PERIOD, "upper end (--distance)", "Quick stop active"
+    single_axis.show_live(held, is_page=True)
+    assert capsys.readouterr().out == f"{values}  Quick stop active   upper end (--distance)     \r"
 
 
 @pytest.fixture

@@ -170,7 +170,8 @@ def test_the_button_of_a_jog(make, monkeypatch):
 
 
 def test_output_as_a_terminal_shows_it():
-    assert settled("a\nbcd\rxy\nlast\r") == "a\nxy\nlast"
+    assert settled("a\nbcd\rxy\nlast\r") == "a\nxy\nlast\r"
+    assert settled(settled("10 mm\r") + "stands\n") == "stands\n"
     assert settled("one\r\ntwo") == "one\ntwo"
     assert settled("x" * (SHOWN + 5)) == "x" * SHOWN
 

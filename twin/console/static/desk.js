@@ -62,10 +62,10 @@ export default {
               @pointerup="pull(one)" @pointercancel="pull(one)" @lostpointercapture="pull(one)">{{ one.kind === "hold" ? "+" : "press" }}</button>
     </div>
     <p v-if="!controls.length" class="twin-soft">No joystick or buttons are defined for this scenario. Change parameters below, or add a <code>console:</code> section.</p>
-    <p v-else class="twin-soft">{{ operator ? "Motion lasts while you hold a control." : "This page only watches." }} <span v-if="pad">{{ pad }}</span></p>
+    <p v-else class="twin-soft">{{ !operator ? "This page only watches." : paused ? "Paused: press Run, then hold a control." : "Motion lasts while you hold a control." }} <span v-if="pad">{{ pad }}</span></p>
   </div>`,
   props: { controls: Array },
-  data: () => ({ operator: false, held: {}, deflections: {}, pad: "" }),
+  data: () => ({ operator: false, paused: false, held: {}, deflections: {}, pad: "" }),
   computed: {
     sticks() {
       const of = (stick) => this.controls.find((one) => one.stick === stick);
@@ -98,6 +98,7 @@ export default {
       if (state.lost) { this.operator = false; this.hands.releaseAll(); return; }
       if (state.refused) return;
       this.operator = state.operator;
+      this.paused = state.phase === "paused";
       const held = JSON.stringify(state.held || {});
       if (held !== this.heldText) { this.heldText = held; this.held = state.held || {}; }
       this.gamepad();

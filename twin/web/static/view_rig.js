@@ -8,6 +8,7 @@ const VALVE = 612, END = 800, OUT = 186;  // begin and end of the sheath, height
 const SHEATH = `M${VALVE} ${LINE} H705 A45 45 0 0 1 750 ${LINE + 45} A45 45 0 0 0 795 ${LINE + 90} H${END}`;
 const DRAWN = [93, 70.7, 75.7];  // lengths of its straight part and bends as drawn
 const LENS = 20, SEEN = 4;    // [px/mm] of the magnified scale of a carriage, and [mm] to both sides of its middle
+const STILL = 5e-5;           // speed that is no motion [m/s]
 const SECTIONS = [0.343, 0.0785, 0.0785];
 const TIP = 3000, TOUCH = 900;   // [px/m] at the wall; where it is at rest
 
@@ -44,7 +45,7 @@ export function rig(place, view) {
   const tip = make(svg, "path", { class: "shaft" }), end = make(svg, "circle", { r: 5, class: "tip", visibility: "hidden" });
   const bar = (wallPart || one("force")) && contactForce(svg, 660, 34, 320, view, one("force"), wallPart);
   const dial = one("rotation") && rotation(svg, 960, bar ? 96 : 44);
-  const state = make(svg, "text", { x: END - 20, y: 242, class: "small" });
+  const state = make(svg, "text", { x: wallPart ? 870 : 985, y: 244, class: "small end" });
   carriages.forEach((part) => part.raise());
   const magnify = drives.length === 1 && lens(svg, centers[0]);
 
@@ -73,7 +74,7 @@ export function rig(place, view) {
     const bow = clamp((of(wallPart, "displacement") ?? 0) * 1500, -26, 26);
     set(tip, { d: out ? `M${END} ${OUT} C${END + (x - END) / 3} ${OUT} ${END + (x - END) / 2} ${OUT - bow} ${x} ${OUT}` : "" });
     set(end, { cx: x, cy: OUT, visibility: out ? "visible" : "hidden" });
-    say(state, `tip ${(place * 1e3).toFixed(1)} mm`);
+    say(state, `tip ${wallPart ? "at" : "moved"} ${(place * 1e3).toFixed(1)} mm`);  // from its start, not along the vessel
   };
 }
 
@@ -99,8 +100,8 @@ function carriage(svg, drive, center, cylinder, sleeve, braid) {
     make(group, "rect", { x: root - 5, y: LINE - 12, width: way * 92 + 5, height: 24, rx: 5, class: "holder" });
   }
   const tube = sleeve && make(group, "path", { class: "sleeve" }), yarns = sleeve && make(group, "path", { fill: `url(#${braid})` });
-  const speed = make(group, "line", { y1: RAIL + 38, y2: RAIL + 38, x1: 0, class: "speed" });
-  const figure = make(group, "text", { y: RAIL + 42, class: "small" });
+  const speed = make(group, "line", { y1: RAIL + 34, y2: RAIL + 34, x1: 0, class: "speed" });
+  const figure = make(svg, "text", { x: center, y: RAIL + 48, class: "small middle" });  // where no other one comes
   return {
     raise() { if (tube) { const front = make(svg, "g"); this.front = front; front.append(tube, yarns); } },
     move(of) {
@@ -118,10 +119,10 @@ function carriage(svg, drive, center, cylinder, sleeve, braid) {
         const [a, b] = [root, far].sort((p, q) => p - q), d = `M${a} ${LINE - 14} C${a + 18} ${LINE - 14} ${a + 14} ${LINE - half} ${a + 30} ${LINE - half} H${b - 30} C${b - 14} ${LINE - half} ${b - 18} ${LINE - 14} ${b} ${LINE - 14} V${LINE + 14} C${b - 18} ${LINE + 14} ${b - 14} ${LINE + half} ${b - 30} ${LINE + half} H${a + 30} C${a + 14} ${LINE + half} ${a + 18} ${LINE + 14} ${a} ${LINE + 14} Z`;
         set(tube, { d, class: `sleeve ${holds ? "holds" : ""}` }); set(yarns, { d });
       }
-      const along = clamp((of(drive, "velocity") ?? 0) * 1500, -90, 90);
-      set(speed, { x2: along, visibility: Math.abs(along) < 1 ? "hidden" : "visible", class: of(drive, "limited") ? "speed bad" : "speed" });
-      set(figure, { x: along < 0 ? along - 6 : along + 6, class: along < 0 ? "small end" : "small", visibility: Math.abs(along) < 1 ? "hidden" : "visible" });
-      say(figure, `${((of(drive, "velocity") ?? 0) * 1e3).toFixed(0)} mm/s`);
+      const velocity = of(drive, "velocity") ?? 0, visibility = Math.abs(velocity) < STILL ? "hidden" : "visible";
+      set(speed, { x2: clamp(velocity * 1500, -75, 75), visibility, class: of(drive, "limited") ? "speed bad" : "speed" });
+      set(figure, { visibility });
+      say(figure, `${(velocity * 1e3).toFixed(1)} mm/s`);
       say(name, `${(position * 1e3).toFixed(1)} mm`);
       return position;
     },

@@ -11,7 +11,10 @@ export function vessel(place, view) {
     .map(([name, kind, label]) => [name, make(svg, "circle", { r: 5, class: kind }), make(svg, "text", { class: "small middle" }, label)]);
   const limit = friction && view.limits[friction.signals.wall_force];
   const bar = limit && force(svg, 14, 34, 260, [0, limit], 2 * limit, "force on the wall");
+  const ruler = make(svg, "path", { class: "scale" });
+  make(svg, "text", { x: 970, y: 34, class: "small end edge" }, "50 mm");
   let seen = null, fit = null, tall = 0;
+  new ResizeObserver(() => { seen = null; }).observe(svg);  // letters are larger on a narrow page: names are placed again
   const names = [];  // boxes of the names of targets
 
   // the longer side of the vessel is horizontal
@@ -29,8 +32,7 @@ export function vessel(place, view) {
       set(circle, { cx, cy, r: Math.max(target.tolerance * scale, 6) });
       names.push(placeText(text, [cx, cy], tall, names, true));
     }
-    make(svg, "path", { d: `M${970 - 0.05 * scale} 14v6h${0.05 * scale}v-6`, class: "scale" });
-    make(svg, "text", { x: 970, y: 34, class: "small end edge" }, "50 mm");
+    set(ruler, { d: `M${970 - 0.05 * scale} 14v6h${0.05 * scale}v-6` });
     return to;
   }
   const drawn = (points) => (points || []).filter(whole).map((p) => fit(p).map((v) => v.toFixed(1)).join()).join(" ");
