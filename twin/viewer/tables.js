@@ -29,11 +29,27 @@ async function summarize() {
   const times = [...state.cursors, ...(state.time === null ? [] : [state.time])], own = (line, list) => list.map((time) => time - offset(line.spec.case));
   const specs = lines.map((line) => ({ ...line.spec, window: own(line, window) }));
   const key = JSON.stringify([specs, lines.map((line) => about.cases[line.spec.case].samples)]); // statistics do not depend on the time cursor
-  const statistics = key === summarize.key ? summarize.statistics : await source.statistics(specs);
+  const statistics = key === summarize.key ? summarize.statistics : await statisticsOf(specs);
   Object.assign(summarize, { key, statistics });
   const values = times.length ? await source.values(specs, lines.map((line) => own(line, times))) : [];
-  find("summarized").textContent = state.cursors.length === 2 ? "between the cursors" : state.window ? "of the visible time" : "of the whole time";
+  const seeds = specs.some((spec) => spec.seeds?.length) ? "; seeds: means of mean, std, RMS and slope, min and max of all" : "";
+  find("summarized").textContent = (state.cursors.length === 2 ? "between the cursors" : state.window ? "of the visible time" : "of the whole time") + seeds;
   find("values").querySelector("div").replaceChildren(valueTable(lines, values, statistics));
+}
+
+// statistics of curves; seeds are evaluated one by one, as in metrics: the mean curve would hide their noise
+async function statisticsOf(specs) {
+  const parts = specs.map((spec) => (spec.seeds?.length ? spec.seeds.map((number) => ({ ...spec, case: number, seeds: [] })) : [spec]));
+  const found = await source.statistics(parts.flat());
+  return parts.map((own) => overSeeds(found.splice(0, own.length)));
+}
+
+function overSeeds(parts) {
+  const own = parts.filter((one) => one.count), [first] = own;
+  if (own.length < 2) return first ?? parts[0];
+  const mean = (name) => (own.every((one) => Number.isFinite(one[name])) ? own.reduce((sum, one) => sum + one[name], 0) / own.length : null);
+  const low = Math.min(...own.map((one) => one.low)), high = Math.max(...own.map((one) => one.high)), means = ["mean", "std", "rms", "slope", "rate"].map((name) => [name, mean(name)]);
+  return { ...first, ...Object.fromEntries(means), count: own.reduce((sum, one) => sum + one.count, 0), low, high, peak_to_peak: high - low, thinned: own.some((one) => one.thinned) };
 }
 
 function valueTable(lines, values, statistics) {
