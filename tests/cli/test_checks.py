@@ -225,7 +225,11 @@ def outcome(**attributes):
 @pytest.mark.parametrize(
     ("attributes", "report", "line"),
     [
-        ({}, True, "PASS 2 of 3. Simulated 15.2 s in 1.23 s (12x real time). Report: runs/a/1/report.html  Look: twin view latest"),
+        (
+            {},
+            True,
+            "PASS 2 of 3. Simulated 15.2 s in 1.23 s (12x real time). Report: runs/a/1/report.html  Look: twin view latest",
+        ),
         (
             {"passed": False},
             False,

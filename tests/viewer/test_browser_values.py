@@ -241,10 +241,12 @@ def test_the_read_out_of_a_spectrum_has_all_curves(seeds_page):
     seeds_page.page.locator("#chart .menu summary").first.click()
     seeds_page.page.get_by_role("button", name="Spectrum of the visible window").click()
     seeds_page.curves()
-    x, y = seeds_page.page.evaluate("""() => { const { canvas, boxes: [, box] } = document.getElementById("chart").chart;
+    x, y = (
+        seeds_page.page.evaluate("""() => { const { canvas, boxes: [, box] } = document.getElementById("chart").chart;
         canvas.scrollIntoView({ block: "end" });
         const { left, top } = canvas.getBoundingClientRect();
         return [left + box.across(3), top + box.top + 5]; }""")
+    )
     seeds_page.page.mouse.move(x, y)
     seeds_page.page.locator(".twin-hover").wait_for()
     title, *rows = seeds_page.page.locator(".twin-hover").inner_text().splitlines()
