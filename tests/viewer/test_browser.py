@@ -1,5 +1,8 @@
 """The page in a browser, as a person uses it: signals, expressions, panes, kinds of plots."""
 
+import json
+import shutil
+
 import numpy as np
 import pytest
 
@@ -219,6 +222,21 @@ def test_a_wrong_expression_is_marked_and_adds_no_pane(open_page):
     assert (field.get_attribute("aria-invalid"), across.get_attribute("aria-invalid")) == ("false", "true")
     page.page.locator("#all").click()
     wrong.wait_for(state="detached")
+
+
+def test_what_was_not_judged_is_not_counted(browser, folders, tmp_path):
+    folder = shutil.copytree(folders[0], tmp_path / "other")
+    summary = json.loads((folder / "summary.json").read_text())
+    summary["metrics"]["mean_speed"]["variants"]["slow"]["verdict"] = "other"
+    summary["expectations"][1]["verdict"] = "skipped"
+    (folder / "summary.json").write_text(json.dumps(summary))
+    with viewed(folder) as address:
+        context = browser.new_context(viewport={"width": 1400, "height": 900})
+        page = Page(context, address).page
+        assert page.locator("#metrics summary").inner_text() == "Metrics: 1 compared, settings differ from the paper's"
+        assert page.locator("#metrics th").all_inner_texts() == ["", "twin", "paper", ""]
+        assert page.locator("#expectations summary").inner_text() == "Expectations: 1 of 1 failed, 1 not judged"
+        context.close()
 
 
 def test_a_passed_expectation_shows_what_is_judged(browser, tmp_path):

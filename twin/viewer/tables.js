@@ -101,10 +101,10 @@ function columnTexts(values, step) {
 
 // ---- metrics and verdicts
 
-function badge(verdict) { return element("b", { pass: "pass", fail: "FAIL", none: "none", open: "open", skipped: "not run" }[verdict] ?? "", { className: verdict }); }
+function badge(verdict) { return element("b", { pass: "pass", fail: "FAIL", none: "none", open: "open", skipped: "skipped" }[verdict] ?? "", { className: verdict }); }
 
 function expectations() {
-  const box = find("expectations"), order = (one) => (one.verdict === "fail" ? 0 : 1), rows = about.expectations.toSorted((a, b) => order(a) - order(b)).map((one) => {
+  const box = find("expectations"), order = ({ verdict }) => ({ fail: 0, pass: 1, skipped: 2 })[verdict] ?? 1, rows = about.expectations.toSorted((a, b) => order(a) - order(b)).map((one) => {
     const found = button("", () => goTo(one), { className: "outcome", disabled: !one.signal || (!!about.embedded && !about.embedded.some((each) => each.signal === one.signal || each.head.key === one.signal)) });
     const label = element("span", "");
     label.append(element("b", (about.runs.length > 1 ? `${about.runs[one.run].letter}: ` : "") + one.name), " ", element("small", one.detail && one.detail !== one.name ? one.detail : ""));
@@ -113,9 +113,9 @@ function expectations() {
     found.classList.toggle("bad", one.verdict === "fail");
     return found;
   });
-  const failed = about.expectations.filter((one) => one.verdict === "fail").length, problem = about.runs.map((run) => run.problem).filter(Boolean);
+  const count = (verdict) => about.expectations.filter((one) => one.verdict === verdict).length, failed = count("fail"), judged = rows.length - count("skipped"), problem = about.runs.map((run) => run.problem).filter(Boolean);
   box.hidden = !rows.length && !problem.length;
-  box.querySelector("summary").textContent = rows.length && about.expectations.every((one) => one.verdict === "open") ? `Expectations: ${rows.length}, judged at the end` : failed ? `Expectations: ${failed} of ${rows.length} failed` : `Expectations: ${rows.length}, none failed`;
+  box.querySelector("summary").textContent = rows.length && about.expectations.every((one) => one.verdict === "open") ? `Expectations: ${rows.length}, judged at the end` : (failed ? `Expectations: ${failed} of ${judged} failed` : `Expectations: ${judged}, none failed`) + (judged < rows.length ? `, ${rows.length - judged} not judged` : "");
   box.querySelector("div").replaceChildren(...problem.map((text) => element("p", text, { className: "twin-soft" })), ...rows);
 }
 
@@ -123,13 +123,13 @@ function expectations() {
 function metrics() {
   const box = find("metrics"), own = new Set(state.cases.map((k) => JSON.stringify([about.cases[k].run, about.cases[k].variant])));
   box.hidden = !about.metrics.length;
-  const compared = about.metrics.flatMap((one) => one.rows).filter((row) => row.reference !== null), judged = compared.filter((row) => row.verdict !== "info"), near = judged.filter((row) => row.verdict === "pass").length;
-  box.querySelector("summary").textContent = judged.length ? `Metrics: ${near} of ${judged.length} as in the paper` : compared.length ? `Metrics: ${compared.length} compared, no tolerance given` : `Metrics: ${about.metrics.length}`;
+  const compared = about.metrics.flatMap((one) => one.rows).filter((row) => row.reference !== null), judged = compared.filter(({ verdict }) => verdict === "pass" || verdict === "fail"), reason = compared.some(({ verdict }) => verdict === "other") ? "settings differ from the paper's" : "no tolerance given", near = judged.filter((row) => row.verdict === "pass").length;
+  box.querySelector("summary").textContent = judged.length ? `Metrics: ${near} of ${judged.length} as in the paper` : compared.length ? `Metrics: ${compared.length} compared, ${reason}` : `Metrics: ${about.metrics.length}`;
   box.querySelector("div").replaceChildren(...about.metrics.map((one) => {
     const found = element("div", "", { className: "metric" }), table = element("table", ""), reference = one.rows.some((row) => row.reference !== null);
     const title = `${about.runs.length > 1 ? `${about.runs[one.run].letter}: ` : ""}${one.description || one.name}${one.unit ? ` [${one.unit}]` : ""}`;
     found.append(button(title, () => goTo({ ...one, spans: {} }), { className: "name", title: `${one.name}: ${one.definition}`, disabled: !one.signal || !!about.embedded && !about.embedded.some((each) => each.head.key === one.signal) }), table);
-    if (reference) { const head = table.insertRow(); ["", "twin", "paper", one.tolerance ?? ""].forEach((text) => head.append(element("th", text))); }
+    if (reference) { const head = table.insertRow(); ["", "twin", "paper", judged.length ? one.tolerance ?? "" : ""].forEach((text) => head.append(element("th", text))); }
     for (const row of one.rows) {
       const made = table.insertRow();
       made.classList.toggle("twin-soft", !own.has(JSON.stringify([one.run, row.variant])));
