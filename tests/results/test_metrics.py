@@ -211,7 +211,7 @@ def test_what_did_not_finish_is_left_out() -> None:
          "a.force is 0.255 N at 1.57 s (first violation at 1.15 s) in A, seed 1; expected from 0.1 N to 0.25 N."),
         (Expectation("", signal=expression.parse("a.force"), at_least=0.16, at_most=0.24), "fail",
          "a.force is 0.15 N at 4.71 s and 0.25 N at 1.57 s (first violation at 0.93 s) in A, seed 0; expected from 0.16 N"),
-        (Expectation("", signal=expression.parse("a.nothing"), at_least=0.1), "skipped", "a.nothing was not recorded"),
+        (Expectation("", signal=expression.parse("a.nothing"), at_least=0.1), "skipped", "Not judged: this run has no complete case with a.nothing."),
     ],
 )  # fmt: skip
 def test_expectations(expectation: Expectation, verdict: str, detail: str) -> None:

@@ -30,7 +30,7 @@ metrics: {reach: {signal: heart.position, reduce: max, unit: mm}}
     ("text", "filled"),
     [
         ("Off by {error[PI]}.", "Off by 35.7 mN."),
-        ("{error[PI+FF, replayed]} instead of {error}", "1 mN instead of 35.7 mN"),
+        ("{error[PI+FF, replayed]} instead of {error}", "1.0 mN instead of 35.7 mN"),
         ("{error[PI].worst}, the paper: {error[PI].reference}", "35.8 mN, the paper: 36.2 mN"),
         ("{error[PI]} and {error[PI+FF]}", ""),
         ("With {error[PI]} and {error[PI+FF]}; the paper: {error[PI].reference}. It is {error}.", "It is 35.7 mN."),

@@ -265,6 +265,20 @@ def test_the_first_screen_answers() -> None:
     assert verdicts.index("✗ fail") < verdicts.index("✓ pass")
 
 
+def test_one_variant_has_no_column_and_what_is_not_judged_is_folded() -> None:
+    cases = {("PI", seed): tables()["PI", seed] for seed in (1, 2)}
+    other = Expectation("other", signal=FORCE, at_most=1.0, variants=("PI+FF",), unit="N")
+    evaluation = evaluate({"error_std": METRIC}, [ORDER, other], cases)
+    summary = results.build_summary(results.RunInfo("x"), evaluation, cases) | {"sentence": ""}
+    html = report_page.report_html(summary, evaluation, cases)
+    assert "variant PI \N{MULTIPLICATION SIGN} 2 seeds" in html
+    assert "<th>Metric</th><th " in html
+    assert "<td>PI</td>" not in html
+    assert "Not judged: this run has no complete case of PI+FF with a.force." in html
+    section = html[html.index('id="expectations"') :]
+    assert section.index("<details><summary>2 not judged</summary>") < section.index(">skipped</span>")
+
+
 def test_parameters_that_a_scenario_sets_come_first() -> None:
     rows = [
         parameter_table.ParameterRow("servo", "stroke", "80", "mm"),

@@ -172,6 +172,25 @@ def test_charts_zoom_together_and_back(page) -> None:
 
 
 @pytest.mark.slow
+def test_panes_share_a_legend_and_a_figure_is_enlarged(page) -> None:
+    names = page.locator("#plot-1 .twin-chip-name:visible")
+    assert names.all_inner_texts() == ["force"]  # of two panes
+    names.click()
+    assert page.evaluate(f"{CHARTS}[0].dimmed.size") == 2
+    names.click()
+    assert page.evaluate(f"{CHARTS}[0].dimmed.size") == 0
+    before = page.locator("#plot-1 .twin-chart").bounding_box()
+    page.locator("#plot-1 .enlarge").click()
+    page.wait_for_function(f"{CHARTS}[0].width > 1300")
+    large = page.locator("#plot-1 .twin-chart").bounding_box()
+    assert large["height"] > 1.5 * before["height"]
+    assert page.evaluate("document.querySelector('#plot-1').scrollWidth") <= 1400
+    page.keyboard.press("Escape")
+    page.wait_for_function(f"{CHARTS}[0].height < 500")
+    assert page.locator("#plot-1 .enlarge").inner_text() == "Enlarge"
+
+
+@pytest.mark.slow
 def test_paper_has_plots_in_light_and_a_phone_has_nothing_cut(page) -> None:
     page.emulate_media(color_scheme="dark")
     page.wait_for_function("document.body.classList.contains('body--dark')")

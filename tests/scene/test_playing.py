@@ -39,6 +39,8 @@ scenes:
   - title: In space
     lines: swing.spatial
     axes: [x, z]
+plots:
+  - {title: Travel, signals: [swing.travel], from: 0.3 s}
 """
 PAD = '<path class="wall" id="pad" data-moves="heart" data-direction="90 deg" d="M120 -20 h20 v5 h-20 z"/>'
 TITLE = "In the channel"
@@ -176,6 +178,7 @@ def test_a_report_has_one_cursor_of_time(run, browser):
     page.goto(f"file://{run}/report.html")
     charts = "[...document.querySelectorAll('.twin-chart')].map((element) => element.chart)"
     page.wait_for_function(f"{charts}.length && {charts}.every((chart) => chart.frames)")
+    assert page.locator(".player .now").inner_text() == "0.300 s"  # where the first plot begins
     page.locator(".player .time").fill("45")  # of 91 instants from 0.1 s to 1 s
     assert page.locator(".player .now").inner_text() == "0.550 s"
     assert page.evaluate(f"{charts}[0].time") == pytest.approx(0.55, abs=1e-3)

@@ -1,5 +1,8 @@
 """The page in a browser, as a person uses it: signals, expressions, panes, kinds of plots."""
 
+import json
+import shutil
+
 import numpy as np
 import pytest
 
@@ -21,10 +24,39 @@ def test_what_failed_is_shown_first_and_shaded(open_page, folders):
     first = time[(position > 4e-3) & (time >= 0.5)][0]
     assert pane["spans"][0]["from"] == first
     assert pane["limits"][0]["y"] == 4.0
+    legend = page.page.locator("#chart .violations")
+    assert legend.inner_text() == "red: fails it stays near, in A: fast"
+    page.page.mouse.move(*page.place(first / 2.0 + 0.002))
+    page.page.locator(".twin-hover .twin-fail").wait_for()
+    assert page.page.locator(".twin-hover .twin-fail").all_inner_texts() == ["fails: it stays near, in A: fast"]
     page.page.get_by_text("A: it stays near").click()
     page.drawn()
     window = page.state["window"]
     assert window[0] < first < window[1] < first + 0.5
+
+
+def test_plots_begin_in_their_window_with_their_variants(browser, tmp_path):
+    plots = """
+  - {title: Late, signals: [heart.position], unit: mm, from: 0.5 s, to: 1.5 s, variants: [fast]}
+  - {title: Later, signals: [heart.velocity], unit: mm/s, from: 1 s, to: 5 s}
+  - {title: First, signals: [heart.velocity], unit: mm/s, to: 0.25 s}
+"""
+    text = BEATS.replace("at_most: 4 mm", "at_most: 40 mm").partition("plots:")[0] + f"plots:{plots}"
+    with viewed(beats(tmp_path, text)) as address:
+        context = browser.new_context(viewport={"width": 1280, "height": 900})
+        page = Page(context, address)
+        assert page.state["window"] == [0.5, 2.0]  # of both plots, as far as it was recorded
+        late, later = page.curves()
+        assert [one["label"] for one in late["curves"]] == ["fast, 2 seeds"]
+        assert [one["label"] for one in later["curves"]] == ["slow, 2 seeds", "fast, 2 seeds"]
+        page.page.locator("#plots summary").click()
+        page.page.get_by_role("button", name="First").click()
+        page.drawn()
+        assert page.state["window"] == [0, 0.25]
+        page.page.locator("#all").click()
+        assert page.state["window"] is None
+        assert page.wrong == []
+        context.close()
 
 
 def test_signals_are_found_picked_and_dragged(open_page):
@@ -190,6 +222,21 @@ def test_a_wrong_expression_is_marked_and_adds_no_pane(open_page):
     assert (field.get_attribute("aria-invalid"), across.get_attribute("aria-invalid")) == ("false", "true")
     page.page.locator("#all").click()
     wrong.wait_for(state="detached")
+
+
+def test_what_was_not_judged_is_not_counted(browser, folders, tmp_path):
+    folder = shutil.copytree(folders[0], tmp_path / "other")
+    summary = json.loads((folder / "summary.json").read_text())
+    summary["metrics"]["mean_speed"]["variants"]["slow"]["verdict"] = "other"
+    summary["expectations"][1]["verdict"] = "skipped"
+    (folder / "summary.json").write_text(json.dumps(summary))
+    with viewed(folder) as address:
+        context = browser.new_context(viewport={"width": 1400, "height": 900})
+        page = Page(context, address).page
+        assert page.locator("#metrics summary").inner_text() == "Metrics: 1 compared, settings differ from the paper's"
+        assert page.locator("#metrics th").all_inner_texts() == ["", "twin", "paper", ""]
+        assert page.locator("#expectations summary").inner_text() == "Expectations: 1 of 1 failed, 1 not judged"
+        context.close()
 
 
 def test_a_passed_expectation_shows_what_is_judged(browser, tmp_path):

@@ -219,6 +219,42 @@ def test_the_slope_of_a_page_is_that_of_the_line(browser, tmp_path):
     context.close()
 
 
+def test_statistics_of_seeds_are_those_of_metrics(browser, tmp_path):
+    """The mean curve of these seeds is zero."""
+    time, force = wave(100.0, 2.0)
+    cases = {("PI", seed): (time, {"sensor.force": factor * force + 1.0}) for seed, factor in ((1, 1.0), (2, -1.0))}
+    page = embedded_page(runs(folder_of(tmp_path / "run", cases, [FORCE])), ["sensor.force"], [0, 1])
+    (tmp_path / "page.html").write_text(page.text)
+    context = browser.new_context(offline=True)
+    opened = Page(context, (tmp_path / "page.html").as_uri())
+    head, *_, values = table(opened, ["std"])
+    shown = dict(zip(head[1:], map(float, values[1:]), strict=True))
+    assert (shown["mean"], shown["std"]) == pytest.approx((1.0, force.std()), abs=0.01)
+    assert (shown["min"], shown["max"]) == pytest.approx((1.0 - force.max(), 1.0 + force.max()), abs=0.01)
+    assert shown["peak to peak"] == pytest.approx(2.0 * force.max(), abs=0.02)
+    context.close()
+
+
+def test_the_read_out_of_a_spectrum_has_all_curves(seeds_page):
+    seeds_page.page.locator("#band").uncheck()
+    seeds_page.drawn()
+    seeds_page.page.locator("#chart .menu summary").first.click()
+    seeds_page.page.get_by_role("button", name="Spectrum of the visible window").click()
+    seeds_page.curves()
+    x, y = (
+        seeds_page.page.evaluate("""() => { const { canvas, boxes: [, box] } = document.getElementById("chart").chart;
+        canvas.scrollIntoView({ block: "end" });
+        const { left, top } = canvas.getBoundingClientRect();
+        return [left + box.across(3), top + box.top + 5]; }""")
+    )
+    seeds_page.page.mouse.move(x, y)
+    seeds_page.page.locator(".twin-hover").wait_for()
+    title, *rows = seeds_page.page.locator(".twin-hover").inner_text().splitlines()
+    assert float(title.split()[1]) == pytest.approx(3.0, abs=0.5)
+    values = [float(text.split()[0]) for text in rows if "N²/Hz" in text]
+    assert values[1] == pytest.approx(9.0 * values[0], rel=1e-2)
+
+
 def test_an_axis_of_a_small_pane_has_three_ticks(seeds_page):
     """Whatever its range; only a pane of less than 80 px may have fewer."""
     height, counts = seeds_page.page.evaluate(TICKS)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.scenario.texts import variable
+from tests.viewer.pages import Page, viewed
 from tests.viewer.recorded import folder_of, runs
 from twin.results.recording.run_folder import RecordedVariable
 from twin.viewer.scene_data import Scenes, limits_in_si
@@ -31,6 +32,24 @@ def test_a_rig_is_drawn_with_its_sizes_and_moved_by_its_samples(tmp_path):
     assert found.values.keys() == set(NAMES)
     np.testing.assert_array_equal(found.values["axis.position"], values["axis.position"][inside])
     assert len(scenes.samples(0, (0.0, 1.0), 100).time) == 100
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("height", [600, 900])
+def test_letters_of_a_scene_are_legible(browser, tmp_path, height):
+    """They are 10 px high, though the picture is low."""
+    recorded(tmp_path, "braided_sleeve")
+    with viewed(tmp_path / "run") as address:
+        context = browser.new_context(viewport={"width": 1400, "height": height})
+        page = Page(context, address).page
+        page.locator("#picture text").first.wait_for(state="attached")
+        page.wait_for_timeout(300)
+        heights = page.locator("#picture text").evaluate_all(
+            "(texts) => texts.filter((one) => one.textContent).map((one) => one.getBoundingClientRect().height)"
+        )
+        context.close()
+    assert heights
+    assert min(heights) >= 10.0
 
 
 def test_signals_in_other_units_move_a_scene_in_si(tmp_path):

@@ -3,14 +3,17 @@
 import { Chart } from "./chart.js";
 import { unpack, visible } from "./samples.js";
 
-const PANE = 150, LOOP = 260, HEAD = 50; // heights of panes, and of a legend with the axis until they are measured [px]
 const charts = [];
-let player = null, shownTime = null;
+let player = null, shownTime = null, isAtStart = false;
+
+// what the legend of a pane names; panes with the same names share the legend of the first one
+const legendOf = (pane) => JSON.stringify(pane.curves.map(({ label, color, dash }) => [label, color, dash]));
 
 class ReportChart extends Chart {
   constructor(element, panes, marks) {
     const isLoop = panes[0].own;
-    element.style.height = `calc(${isLoop ? LOOP : panes.length * PANE}px + var(--heads, ${HEAD}px))`;  // chart.js: legends, axis
+    element.style.setProperty("--panes", panes.length);
+    element.classList.toggle("loop", !!isLoop);
     super(element, { panes, marks: isLoop ? [] : marks, source: curvesOf(isLoop) });
     this.notify = (event, detail) => this.share(event, detail);
     element.chart = this; // for tests, and for the console of the browser
@@ -19,12 +22,36 @@ class ReportChart extends Chart {
     scrollThrough(element);
   }
 
+  legend(pane, index) {
+    const row = super.legend(pane, index);
+    if (index && legendOf(pane) === legendOf(this.panes[0])) for (const chip of row.querySelectorAll(".twin-chip")) chip.hidden = true;
+    return row;
+  }
+
   share(event, { from, to, all, a, b }) {
     const others = charts.filter((other) => other !== this);
+    if (event === "dim") this.dimAlike();
+    if (event === "drawn" && this.frames && !isAtStart && !this.panes[0].own) { isAtStart = true; player?.show(this.axis()[0]); } // the scene begins with the curves
     if (event === "window") for (const other of others) other.setWindow(...(all ? [null, null] : [from, to]));
     if (event === "cursors") for (const other of others) other.setCursors([a, b].filter((time) => time !== undefined));
   }
+
+  // dim in panes without a legend of their own what is dimmed in the first one
+  dimAlike() {
+    const [first, ...others] = this.panes;
+    for (const pane of others.filter((one) => legendOf(one) === legendOf(first))) {
+      pane.curves.forEach(({ name }, k) => { if (this.dimmed.has(first.curves[k].name)) this.dimmed.add(name); else this.dimmed.delete(name); });
+    }
+  }
 }
+
+// show the curves of a figure on the whole screen, or in their place again
+function enlarge(figure, isLarge) {
+  figure.classList.toggle("large", isLarge);
+  document.body.classList.toggle("with-large", isLarge);
+  figure.querySelector(".enlarge").textContent = isLarge ? "Close" : "Enlarge";
+}
+addEventListener("keydown", (event) => { const figure = event.key === "Escape" && document.querySelector("figure.large"); if (figure) enlarge(figure, false); });
 
 // the wheel scrolls the page; it zooms with Ctrl only, as a pinch on a touchpad does
 function scrollThrough(element) {
@@ -55,13 +82,15 @@ for (const [id, { panels, marks }] of Object.entries(JSON.parse(document.getElem
   box.className = "panels";
   figure.querySelector("figcaption").after(box);
   figure.classList.add("live");
+  const button = figure.querySelector("figcaption").appendChild(document.createElement("button"));
+  Object.assign(button, { type: "button", className: "enlarge", textContent: "Enlarge", onclick: () => enlarge(figure, !figure.classList.contains("large")) });
   for (const panes of panels) charts.push(new ReportChart(box.appendChild(document.createElement("div")), panes, marks));
 }
 
 const films = JSON.parse(document.getElementById("films").textContent), stage = document.querySelector(".player");
 if (films.length) {
   document.body.classList.add("with-films");
-  player = new Player(stage, films, () => Math.max(innerHeight * (innerWidth < 1100 ? 0.2 : 0.5), 150), chartTimes);
+  player = new Player(stage, films, () => Math.max(innerHeight * (innerWidth < 1100 ? 0.15 : 0.5), 110), chartTimes);
   scrollThrough(stage);
 }
 

@@ -203,6 +203,8 @@ function plots() {
   find("plots").hidden = !own.length;
   find("plots").querySelector("div").replaceChildren(...own.map((plot) => button(plot.title, () => {
     state.panes.push(ofPlot(plot));
+    state.cases = withVariants(state.cases, state.panes.at(-1).variants);
+    state.window = windowOfPlots([plot], state.cases) ?? state.window;
     show();
   })));
 }

@@ -29,8 +29,27 @@ function first() {
     found.panes = [pane([failed.signal], { variants: failed.variants.length ? failed.variants : undefined })];
     const bad = Object.keys(failed.spans).map(Number), shown = new Set(found.cases);
     if (!bad.some((k) => shown.has(k))) found.cases = [bad[0], ...found.cases];
-  } else found.panes = firstPlots(new Set(found.cases.map((k) => about.cases[k].variant)).size);
+  } else {
+    found.panes = firstPlots(new Set(found.cases.map((k) => about.cases[k].variant)).size);
+    for (const one of found.panes) found.cases = withVariants(found.cases, one.variants);
+    found.window = windowOfPlots(found.panes.map(plotOf), found.cases);
+  }
   return found;
+}
+
+// these cases, and those of some variants if none of them is of these
+function withVariants(cases, variants) {
+  const isOf = (k) => variants.includes(about.cases[k].variant);
+  return !variants || cases.some(isOf) ? cases : [...cases, ...[...about.cases.keys()].filter(isOf)];
+}
+
+// the time that all windows of some plots cover, as far as it was recorded; null: all
+function windowOfPlots(plots, cases) {
+  const recorded = cases.map((k) => about.cases[k]).filter((one) => one.samples), windows = plots.map((plot) => plot?.window ?? [null, null]);
+  if (about.growing || !recorded.length || !windows.length || windows.some(([from, to]) => from === null && to === null)) return null;
+  const low = Math.min(...recorded.map((one) => one.begin)), high = Math.max(...recorded.map((one) => one.end));
+  const from = Math.max(low, Math.min(...windows.map((one) => one[0] ?? low))), to = Math.min(high, Math.max(...windows.map((one) => one[1] ?? high)));
+  return to > from ? [from, to] : null;
 }
 
 // of each run as many variants, the same ones if the runs have some in common
@@ -55,7 +74,7 @@ function firstPlots(variants) {
 }
 
 const pane = (names, more = {}) => ({ kind: "time", items: names.map((signal) => ({ signal, minus: null })), facet: "", weights: [], ...more });
-const ofPlot = (plot) => pane(plot.signals, plot.x ? { kind: "xy", x: plot.x, plot: plot.title } : { plot: plot.title, range: plot.range || undefined, facet: plot.per_variant && plot.signals.length > 1 ? "variant" : "" });
+const ofPlot = (plot) => pane(plot.signals, { variants: plot.variants?.length ? plot.variants : undefined, ...(plot.x ? { kind: "xy", x: plot.x, plot: plot.title } : { plot: plot.title, range: plot.range || undefined, facet: plot.per_variant && plot.signals.length > 1 ? "variant" : "" }) });
 
 // signals of one unit in one pane, unless it had too many curves
 function together(names, groups) {
@@ -228,18 +247,24 @@ function bandOf(signal) {
   return edges?.every((edge) => !about.embedded || about.embedded.some((one) => one.signal === edge)) ? edges : null;
 }
 
-// limits and failed spans of the signals of a pane
+// limits and failed spans of the signals of a pane; `violations`: the names of the failed expectations with their variants
 function judged(lines) {
-  const limits = [], spans = [];
+  const limits = [], spans = [], violations = new Map();
   for (const each of about.expectations) {
     const own = lines.filter(({ spec, item }) => item.minus === null && [spec.signal, heads.get(spec.signal)?.key].includes(each.signal) && about.cases[spec.case].run === each.run
       && (!each.variants.length || each.variants.includes(about.cases[spec.case].variant)));
     if (!each.signal || !own.length) continue;
     const move = state.offsets[each.run];
     for (const y of [each.low, each.high]) if (y !== null) limits.push({ y, from: each.begin === null ? -Infinity : each.begin + move, to: each.end === null ? Infinity : each.end + move, failed: each.verdict === "fail" });
-    for (const number of own.flatMap(({ cases }) => cases)) for (const [from, to] of each.spans[number] || []) spans.push({ from: from + move, to: to + move });
+    for (const number of own.flatMap(({ cases }) => cases)) {
+      const { variant } = about.cases[number], name = `${about.runs.length > 1 ? `${about.runs[each.run].letter}: ` : ""}${/[ ,]/.test(variant) ? `"${variant}"` : variant}`;
+      for (const [from, to] of each.spans[number] || []) {
+        spans.push({ from: from + move, to: to + move, text: `fails: ${each.name}, in ${name}` });
+        violations.set(each.name, (violations.get(each.name) ?? new Set()).add(name));
+      }
+    }
   }
-  return { limits, spans };
+  return { limits, spans, violations: [...violations].map(([name, variants]) => `${name}, in ${[...variants].join(", ")}`) };
 }
 
 const extentOf = () => {

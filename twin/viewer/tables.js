@@ -29,11 +29,27 @@ async function summarize() {
   const times = [...state.cursors, ...(state.time === null ? [] : [state.time])], own = (line, list) => list.map((time) => time - offset(line.spec.case));
   const specs = lines.map((line) => ({ ...line.spec, window: own(line, window) }));
   const key = JSON.stringify([specs, lines.map((line) => about.cases[line.spec.case].samples)]); // statistics do not depend on the time cursor
-  const statistics = key === summarize.key ? summarize.statistics : await source.statistics(specs);
+  const statistics = key === summarize.key ? summarize.statistics : await statisticsOf(specs);
   Object.assign(summarize, { key, statistics });
   const values = times.length ? await source.values(specs, lines.map((line) => own(line, times))) : [];
-  find("summarized").textContent = state.cursors.length === 2 ? "between the cursors" : state.window ? "of the visible time" : "of the whole time";
+  const seeds = specs.some((spec) => spec.seeds?.length) ? "; seeds: means of mean, std, RMS and slope, min and max of all" : "";
+  find("summarized").textContent = (state.cursors.length === 2 ? "between the cursors" : state.window ? "of the visible time" : "of the whole time") + seeds;
   find("values").querySelector("div").replaceChildren(valueTable(lines, values, statistics));
+}
+
+// statistics of curves; seeds are evaluated one by one, as in metrics: the mean curve would hide their noise
+async function statisticsOf(specs) {
+  const parts = specs.map((spec) => (spec.seeds?.length ? spec.seeds.map((number) => ({ ...spec, case: number, seeds: [] })) : [spec]));
+  const found = await source.statistics(parts.flat());
+  return parts.map((own) => overSeeds(found.splice(0, own.length)));
+}
+
+function overSeeds(parts) {
+  const own = parts.filter((one) => one.count), [first] = own;
+  if (own.length < 2) return first ?? parts[0];
+  const mean = (name) => (own.every((one) => Number.isFinite(one[name])) ? own.reduce((sum, one) => sum + one[name], 0) / own.length : null);
+  const low = Math.min(...own.map((one) => one.low)), high = Math.max(...own.map((one) => one.high)), means = ["mean", "std", "rms", "slope", "rate"].map((name) => [name, mean(name)]);
+  return { ...first, ...Object.fromEntries(means), count: own.reduce((sum, one) => sum + one.count, 0), low, high, peak_to_peak: high - low, thinned: own.some((one) => one.thinned) };
 }
 
 function valueTable(lines, values, statistics) {
@@ -85,10 +101,10 @@ function columnTexts(values, step) {
 
 // ---- metrics and verdicts
 
-function badge(verdict) { return element("b", { pass: "pass", fail: "FAIL", none: "none", open: "open", skipped: "not run" }[verdict] ?? "", { className: verdict }); }
+function badge(verdict) { return element("b", { pass: "pass", fail: "FAIL", none: "none", open: "open", skipped: "skipped" }[verdict] ?? "", { className: verdict }); }
 
 function expectations() {
-  const box = find("expectations"), order = (one) => (one.verdict === "fail" ? 0 : 1), rows = about.expectations.toSorted((a, b) => order(a) - order(b)).map((one) => {
+  const box = find("expectations"), order = ({ verdict }) => ({ fail: 0, pass: 1, skipped: 2 })[verdict] ?? 1, rows = about.expectations.toSorted((a, b) => order(a) - order(b)).map((one) => {
     const found = button("", () => goTo(one), { className: "outcome", disabled: !one.signal || (!!about.embedded && !about.embedded.some((each) => each.signal === one.signal || each.head.key === one.signal)) });
     const label = element("span", "");
     label.append(element("b", (about.runs.length > 1 ? `${about.runs[one.run].letter}: ` : "") + one.name), " ", element("small", one.detail && one.detail !== one.name ? one.detail : ""));
@@ -97,9 +113,9 @@ function expectations() {
     found.classList.toggle("bad", one.verdict === "fail");
     return found;
   });
-  const failed = about.expectations.filter((one) => one.verdict === "fail").length, problem = about.runs.map((run) => run.problem).filter(Boolean);
+  const count = (verdict) => about.expectations.filter((one) => one.verdict === verdict).length, failed = count("fail"), judged = rows.length - count("skipped"), problem = about.runs.map((run) => run.problem).filter(Boolean);
   box.hidden = !rows.length && !problem.length;
-  box.querySelector("summary").textContent = rows.length && about.expectations.every((one) => one.verdict === "open") ? `Expectations: ${rows.length}, judged at the end` : failed ? `Expectations: ${failed} of ${rows.length} failed` : `Expectations: ${rows.length}, none failed`;
+  box.querySelector("summary").textContent = rows.length && about.expectations.every((one) => one.verdict === "open") ? `Expectations: ${rows.length}, judged at the end` : (failed ? `Expectations: ${failed} of ${judged} failed` : `Expectations: ${judged}, none failed`) + (judged < rows.length ? `, ${rows.length - judged} not judged` : "");
   box.querySelector("div").replaceChildren(...problem.map((text) => element("p", text, { className: "twin-soft" })), ...rows);
 }
 
@@ -107,13 +123,13 @@ function expectations() {
 function metrics() {
   const box = find("metrics"), own = new Set(state.cases.map((k) => JSON.stringify([about.cases[k].run, about.cases[k].variant])));
   box.hidden = !about.metrics.length;
-  const compared = about.metrics.flatMap((one) => one.rows).filter((row) => row.reference !== null), judged = compared.filter((row) => row.verdict !== "info"), near = judged.filter((row) => row.verdict === "pass").length;
-  box.querySelector("summary").textContent = judged.length ? `Metrics: ${near} of ${judged.length} as in the paper` : compared.length ? `Metrics: ${compared.length} compared, no tolerance given` : `Metrics: ${about.metrics.length}`;
+  const compared = about.metrics.flatMap((one) => one.rows).filter((row) => row.reference !== null), judged = compared.filter(({ verdict }) => verdict === "pass" || verdict === "fail"), reason = compared.some(({ verdict }) => verdict === "other") ? "settings differ from the paper's" : "no tolerance given", near = judged.filter((row) => row.verdict === "pass").length;
+  box.querySelector("summary").textContent = judged.length ? `Metrics: ${near} of ${judged.length} as in the paper` : compared.length ? `Metrics: ${compared.length} compared, ${reason}` : `Metrics: ${about.metrics.length}`;
   box.querySelector("div").replaceChildren(...about.metrics.map((one) => {
     const found = element("div", "", { className: "metric" }), table = element("table", ""), reference = one.rows.some((row) => row.reference !== null);
     const title = `${about.runs.length > 1 ? `${about.runs[one.run].letter}: ` : ""}${one.description || one.name}${one.unit ? ` [${one.unit}]` : ""}`;
     found.append(button(title, () => goTo({ ...one, spans: {} }), { className: "name", title: `${one.name}: ${one.definition}`, disabled: !one.signal || !!about.embedded && !about.embedded.some((each) => each.head.key === one.signal) }), table);
-    if (reference) { const head = table.insertRow(); ["", "twin", "paper", one.tolerance ?? ""].forEach((text) => head.append(element("th", text))); }
+    if (reference) { const head = table.insertRow(); ["", "twin", "paper", judged.length ? one.tolerance ?? "" : ""].forEach((text) => head.append(element("th", text))); }
     for (const row of one.rows) {
       const made = table.insertRow();
       made.classList.toggle("twin-soft", !own.has(JSON.stringify([one.run, row.variant])));

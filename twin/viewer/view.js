@@ -61,6 +61,7 @@ function say(text) {
 class Panes extends Chart {
   legend(one, index) {
     const line = super.legend(one, index);
+    if (one.violations?.length) line.firstChild.append(element("span", `red: fails ${one.violations.join("; ")}`, { className: "violations" }));
     line.append(menu(one.place));
     return line;
   }

@@ -360,7 +360,9 @@ def check_limits(expectation: Expectation, ranges: list[CaseRange], scale: float
     what, expected, name = describe_limits(expectation)
     if not ranges:
         of_variants = f" of {list_names(expectation.variants, 'or')}" if expectation.variants else ""
-        return ExpectationResult(name, "skipped", f"{what} was not recorded in a complete run{of_variants}.")
+        return ExpectationResult(
+            name, "skipped", f"Not judged: this run has no complete case{of_variants} with {what}."
+        )
     violations = {row.case: text for row in ranges if (text := describe_violation(expectation, row, scale))}
     if violations:
         case, text = next(iter(violations.items()))

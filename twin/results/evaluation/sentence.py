@@ -9,7 +9,7 @@ import re
 from typing import TYPE_CHECKING
 
 from twin.errors import nearest
-from twin.results.evaluation.metric_format import MetricFormat, metric_format
+from twin.results.evaluation.metric_format import metric_format
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 PLACEHOLDER = re.compile(r"\{([^{}\[\].]+)(?:\[([^{}\[\]]+)\])?(?:\.(mean|worst|reference))?\}")
 SENTENCE_END = re.compile(r"(?<=\.) ")
-DIGITS = 3
 
 
 def check_sentence(text: str, metrics: Mapping[str, Metric], variants: Sequence[str]) -> list[str]:
@@ -47,8 +46,8 @@ def fill_sentence(text: str, results: Iterable[MetricResult]) -> str:
         number = None if result is None else {"worst": result.worst, "reference": result.paper}.get(which, result.mean)
         if result is None or number is None or result.verdict == "cut":
             raise LookupError
-        style = metric_format(group)
-        return MetricFormat(style.unit, None, style.is_difference).text(number, result.scale, DIGITS)
+        style = metric_format(group)  # as in the tables
+        return style.reference(number) if which == "reference" else style.text(number, result.scale)
 
     sentences = []
     for sentence in SENTENCE_END.split(" ".join(text.split())):

@@ -2,7 +2,7 @@
 //
 //   new Chart(element, {panes, source, span, follow, notify, marks})
 //   panes:  [{title, unit, weight, curves: [{name, label, color, step, dash, opacity, faint, low, high, about}], band: [low, high], lines: [y], own, log,
-//            x: {label, unit}, spans: [{from, to}], range: [low, high], limits: [{y, from, to, failed}]}]
+//            x: {label, unit}, spans: [{from, to, text}], range: [low, high], limits: [{y, from, to, failed}]}]
 //           `weight`: height relative to other panes. `own`: over its own x instead of time (x-y, spectra). log: "", "x", "y", "xy"
 //           of a curve, other curves of the source: `faint`, drawn faintly behind it; `low` and `high`, with a filled area between them
 //   source: async ({names, from, to, span, points}) -> {from, to, last, curves: [{x, y}]}; span: length of the last seconds
@@ -131,7 +131,7 @@ export class Chart {
       value.textContent = text;
       row.append(swatch(curve), label, value);
       return row;
-    }));
+    }), ...(hover.notes || []).map((text) => Object.assign(document.createElement("div"), { className: "twin-fail", textContent: text })));
     const { offsetWidth: wide, offsetHeight: tall } = this.readout, { clientX: x, clientY: y } = hover;
     this.readout.style.left = `${Math.max(x + 14 + wide > innerWidth ? x - 14 - wide : x + 14, 0)}px`;
     this.readout.style.top = `${Math.max(Math.min(y + 14, innerHeight - tall - 4), 0)}px`;

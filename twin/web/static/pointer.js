@@ -80,7 +80,7 @@ function graspedAt(chart, x, y) {
   return chart.time !== null && Math.abs(box.across(chart.time) - x) <= NEAR ? { kind: "time" } : null;
 }
 
-// the samples nearest to the pointer: over time those at its time, else the one point that is nearest to it
+// the samples nearest to the pointer: over time those at its time, of spectra those at its frequency, of loops the points that are nearest to it
 function samplesAt(chart, index, x, y) {
   const box = chart.boxes[index], pane = chart.panes[index], found = [];
   pane.curves.forEach((curve, c) => {
@@ -89,7 +89,7 @@ function samplesAt(chart, index, x, y) {
     if (!pane.own) { const k = nearest(data.x, timeAt(chart, x)); found.push({ curve: c, k, far: Math.abs(box.across(data.x[k]) - x) }); return; }
     const near = { curve: c, k: -1, far: Infinity };
     for (let k = 0; k < data.x.length; k++) {
-      const far = Math.hypot(box.across(data.x[k]) - x, box.down(data.y[k]) - y);
+      const far = Math.hypot(box.across(data.x[k]) - x, box.logX ? 0 : box.down(data.y[k]) - y);
       if (far < near.far) Object.assign(near, { k, far });
     }
     if (near.k >= 0) found.push(near);
@@ -109,12 +109,15 @@ function snapped(chart, x, y) {
 function hoverAt(chart, x, y, event) {
   const index = paneAt(chart, y), box = chart.boxes[index];
   if (!box?.across || y < box.top || y > box.top + box.height || x < LEFT || x > chart.width - RIGHT) return null;
-  const pane = chart.panes[index], found = samplesAt(chart, index, x, y), samples = pane.own ? found.slice(0, 1) : found;
+  const pane = chart.panes[index], found = samplesAt(chart, index, x, y), samples = pane.own && !box.logX ? found.slice(0, 1) : found;
   if (!samples.length) return null;
   const first = samples[0], at = chart.data[pane.curves[first.curve].name].x[first.k];
-  return { pane: index, clientX: event.clientX, clientY: event.clientY, at: pane.own ? null : at, samples: samples.sort((a, b) => a.curve - b.curve), title: titleOf(pane, box, at),
+  return { pane: index, clientX: event.clientX, clientY: event.clientY, at: pane.own ? null : at, samples: samples.sort((a, b) => a.curve - b.curve), title: titleOf(pane, box, at), notes: pane.own ? [] : notesAt(pane, at),
            rows: samples.map(({ curve, k }) => rowOf(chart, pane, box, pane.curves[curve], k)) };
 }
+
+// texts of the failed spans at a time, each once
+function notesAt(pane, at) { return [...new Set((pane.spans || []).filter((one) => one.text && one.from <= at && at <= one.to).map((one) => one.text))]; }
 
 function titleOf(pane, box, at) {
   if (!pane.own) return `${readableTime(at, box.from, box.to)} s`;
