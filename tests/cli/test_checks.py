@@ -209,13 +209,7 @@ def outcome(**attributes):
     }
     expectations = [{"passed": i < values["met"]} for i in range(values["judged"])]
     return SimpleNamespace(
-        run=SimpleNamespace(
-            status=values["status"],
-            real_time_factor=values["factor"],
-            wall_time=1.2345,
-            simulated_time=15.2,
-            reason="",
-        ),
+        run=SimpleNamespace(status=values["status"], real_time_factor=values["factor"], wall_time=1.2345, reason=""),
         summary={"passed": values["passed"], "expectations": expectations, "metrics": {}},
         passed=values["passed"],
         folder=Path(values["folder"]),
@@ -225,29 +219,25 @@ def outcome(**attributes):
 @pytest.mark.parametrize(
     ("attributes", "report", "line"),
     [
-        (
-            {},
-            True,
-            "PASS 2 of 3. Simulated 15.2 s in 1.23 s (12x real time). Report: runs/a/1/report.html  Look: twin view latest",
-        ),
+        ({}, True, "PASS 2 of 3 in 1.23 s (12x real time). Report: runs/a/1/report.html  Look: twin view latest"),
         (
             {"passed": False},
             False,
-            "FAIL: 1 of 3 requirements failed. Simulated 15.2 s in 1.23 s (12x real time). Results: runs/a/1/summary.json  Look: twin view latest",
+            "FAIL: 1 of 3 requirements failed, in 1.23 s (12x real time). Results: runs/a/1/summary.json  Look: twin view latest",
         ),
         (
             {"met": 0, "judged": 0, "factor": 9.94},
             True,
-            "DONE. Simulated 15.2 s in 1.23 s (9.9x real time). Report: runs/a/1/report.html",
+            "DONE in 1.23 s (9.9x real time). Report: runs/a/1/report.html",
         ),
-        ({"factor": 10.0}, True, "PASS 2 of 3. Simulated 15.2 s in 1.23 s (10x real time)."),
-        ({"factor": None}, True, "PASS 2 of 3. Simulated 15.2 s in 1.23 s. Report:"),
-        ({"status": "failed"}, True, "FAILED: 1 of 3 requirements failed. Simulated 15.2 s in 1.23 s"),
-        ({"status": "interrupted", "met": 3}, True, "INTERRUPTED. Simulated 15.2 s in 1.23 s"),
+        ({"factor": 10.0}, True, "PASS 2 of 3 in 1.23 s (10x real time)."),
+        ({"factor": None}, True, "PASS 2 of 3 in 1.23 s. Report:"),
+        ({"status": "failed"}, True, "FAILED: 1 of 3 requirements failed, in 1.23 s"),
+        ({"status": "interrupted", "met": 3}, True, "INTERRUPTED in 1.23 s"),
         (
             {"folder": "other/a/1"},
             True,
-            "PASS 2 of 3. Simulated 15.2 s in 1.23 s (12x real time). Report: other/a/1/report.html  Look: twin view other/a/1",
+            "PASS 2 of 3 in 1.23 s (12x real time). Report: other/a/1/report.html  Look: twin view other/a/1",
         ),
     ],
 )

@@ -339,7 +339,7 @@ def with_unit(option: str, outcome: RunResult) -> str:
 
 
 def show_verdict(outcome: RunResult, report: bool) -> None:
-    """Print the last line: the verdict, how many requirements are met, the time that simulating took, and where to look."""
+    """Print the last line: the verdict, how many requirements are met, the computing time, and where to look."""
     from twin.results import count_verdicts
 
     run, summary = outcome.run, outcome.summary
@@ -350,14 +350,13 @@ def show_verdict(outcome: RunResult, report: bool) -> None:
         word = ("PASS" if summary["passed"] else "FAIL") if judged else "DONE"
     factor = run.real_time_factor
     speed = f" ({factor:.{0 if factor >= 10 else 1}f}x real time)" if factor else ""
-    counts, end = (f"{met} of {judged}. ", " ") if word == "PASS" else ("", ". ")
+    counts, end = (f"{met} of {judged} ", " ") if word == "PASS" else ("", " ")
     if met < judged and word != "PASS":
-        counts, end = f"{judged - met} of {judged} requirements failed. ", ": "
+        counts, end = f"{judged - met} of {judged} requirements failed, ", ": "
     results = f"Report: {outcome.folder / 'report.html'}" if report else f"Results: {outcome.folder / 'summary.json'}"
     folder = "latest" if outcome.folder.parent.parent == Path("runs") else str(outcome.folder)
     style = {"PASS": "bold green", "DONE": "bold"}.get(word, "bold red")
     if summary.get("hardware", {}).get("dry_run"):
         word = f"DRY RUN, drives have not moved: {word}"
     locations = [text.replace(" ", NO_BREAK_SPACE) for text in (results, f"Look: twin view {folder}")]
-    effort = f"Simulated {run.simulated_time:.4g} s in {run.wall_time:.3g} s{speed}."  # without compiling and writing
-    show_text(f"{counts}{effort} {'  '.join(locations)}", f"{word}{end}", style)
+    show_text(f"{counts}in {run.wall_time:.3g} s{speed}. {'  '.join(locations)}", f"{word}{end}", style)

@@ -46,7 +46,7 @@ TOLD = {
     "home servomotor -f": "homed at",
     "--to": r"is at -(0\.9[5-9]|1\.0[0-5]) mm",
     "--dry-run": "Switched on, no power; 0 of 200 process data lost",
-    "--arm --no-report": r"PASS (\d+) of \1\. ",
+    "--arm --no-report": r"PASS (\d+) of \1 ",
     "store": "are stored",
     "reset": "is in no Fault",
 }
