@@ -118,7 +118,7 @@ def test_a_jog_moves_while_it_is_renewed_and_ends_with_its_page(typed):
     until(lambda: place(one) > 1.0, meanwhile=lambda: one.hold("jog axis", 1.0, 2, 0.0))
     assert one.held == {"jog axis": 1.0}
     one.release_hold()
-    until(lambda: one.text.endswith(" A   ") and "  0.00 mm/s" in one.text, meanwhile=lambda: one.here(0.0))
+    until(lambda: "  0.00 mm/s" in one.text and "Operation enabled" in one.text, meanwhile=lambda: one.here(0.0))
     assert one.held == {}
     there = place(one)
     begun = time.monotonic()
@@ -131,7 +131,7 @@ def test_a_jog_moves_while_it_is_renewed_and_ends_with_its_page(typed):
 
 def place(one):
     """Where the jog tells that it is [mm]."""
-    last = [line for line in one.text.splitlines() if line.endswith(" A   ") or " A   error" in line]
+    last = [line for line in one.text.splitlines() if " mm/s " in line and " A  " in line]
     return float(last[-1].lstrip("<> ").split()[0]) if last else 0.0
 
 
