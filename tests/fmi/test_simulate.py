@@ -212,6 +212,18 @@ def test_units(native: Path, tmp_path: Path) -> None:
     refused(run(path, "-i", "in.csv"), "N does not convert to m")
 
 
+@pytest.mark.parametrize(("relative", "expected"), [("", "278.15"), ('relativeQuantity="true"', "5.0")])
+def test_a_display_unit_of_the_fmu_in_a_header(tmp_path: Path, relative: str, expected: str) -> None:
+    xml = NATIVE_XML.replace(
+        'causality="parameter" variability="fixed" start="1 2"',
+        f'causality="input" start="1 2" displayUnit="degC" {relative}',
+    ).replace('unit="m"', 'unit="K"')
+    path = native_fmu(tmp_path, xml)
+    Path("in.csv").write_text("time,x[1] [degC],x[2] [K]\n0,5,1\n")
+    run(path, "-i", "in.csv", "-r", "x", "--step-size", 0.5)
+    assert rows()[1][-1][1:] == [expected, "1.0"]
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

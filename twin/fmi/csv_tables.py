@@ -185,7 +185,8 @@ def read_column(
     for element, column in taken.items():
         what = f"{path}: column {name!r}"
         given = units.get(column, "")
-        given = variable.unit if given == unit.shown(variable.unit) else given  # the FMU's own name for it
+        own_units = {unit.shown(own): own for own in (variable.display_unit, variable.unit)}  # as the FMU calls them
+        given = own_units.get(given, given)
         factor, offset = unit.conversion(given, variable.unit, what)
         part = slice(None) if element < 0 else element
         if element >= 0 or not variable.shape:
