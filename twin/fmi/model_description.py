@@ -7,7 +7,7 @@ the standard: FMI 2.0.4, section 2.2.7; FMI 3.0.1, section 2.4.7.
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from twin.component import unit as units
@@ -300,22 +300,12 @@ def dimension(element: Any, sizes: dict[str, Any]) -> Dimension:
 
 def aliased(own: Declared, element: Any) -> Declared:
     """The same variable by another name, which may have a display unit and a description of its own."""
-    return Declared(
-        element.get("name"),
-        own.reference,
-        own.type,
-        own.causality,
-        own.variability,
-        own.initial,
-        own.start,
-        own.unit,
-        element.get("displayUnit") or own.display_unit,
-        element.get("description") or own.description,
-        own.minimum,
-        own.maximum,
-        own.common,
-        own.dimensions,
-        own.name,
+    return replace(
+        own,
+        name=element.get("name"),
+        display_unit=element.get("displayUnit") or own.display_unit,
+        description=element.get("description") or own.description,
+        alias_of=own.name,
     )
 
 

@@ -12,13 +12,13 @@ from twin import clock
 from twin.errors import FMUError
 from twin.fmi import values
 from twin.fmi.clocks.clock_declarations import PERIODIC, UNCHANGED, Clock, Timer, computed
-from twin.fmi.importing.fmu_member import FMUMember
+from twin.fmi.importing.local_state import FMUWithSlots
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
 
-class ClockedFMU(FMUMember):
+class ClockedFMU(FMUWithSlots):
     """An FMU with clocks. Intervals that are for the importer to choose are start values of the clocks [s]."""
 
     def _describe(self, start_values: dict[str, Any]) -> None:

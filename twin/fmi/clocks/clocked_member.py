@@ -7,7 +7,6 @@ look. A clock's value is whether it has ticked since the last communication poin
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -16,14 +15,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
-from twin.compiler import machine
-from twin.coupling import Access, MemberVariable, StateAccess
-from twin.errors import FMUError, TwinError, described
+from twin.coupling import Access, MemberVariable
+from twin.errors import FMUError
 from twin.fmi import values
 from twin.fmi.clocks.clock_calls import ClockedFMU
 from twin.fmi.clocks.clock_declarations import Clock
-from twin.fmi.importing import binary
-from twin.fmi.importing.state_callbacks import both
 
 if TYPE_CHECKING:
     from twin.fmi.csv_tables import Inputs
@@ -79,8 +75,6 @@ class ClockedMember(ClockedFMU):
         self._waiting: dict[str, Any] = {}  # values to set at the next event
         self.is_running = self.has_signalled = self.ended = self.has_jumped = False
         self.event_time: clock.Time | None = None  # of an event that the FMU announced
-        self.failure: BaseException | None = None
-        self._keep_alive: list[Any] = []
 
     # call sequence
 
@@ -97,30 +91,6 @@ class ClockedMember(ClockedFMU):
         super().exit_initialization()
         self.is_running = True
         self.take()
-
-    # rollback to the begin of a step in which no clock has ticked
-
-    def save(self) -> Any:
-        """Save the FMU state and the state in this process."""
-        return super().save(), self._local_state()
-
-    def restore(self, saved: Any) -> None:
-        """Restore a saved state."""
-        super().restore(saved[0])
-        self._restore_local_state(saved[1])
-
-    def state_access(self, count: int) -> StateAccess:
-        """Access to the FMU state and the state in this process."""
-        own, saved_states = super().state_access(count), self._unpacked.saved_states
-        return both(own, self._local_state, self._restore_local_state, saved_states, self._keep_alive)
-
-    def _local_state(self) -> Any:
-        return {name: (slot.values.copy(), slot.applied.copy()) for name, slot in self.slots.items()}
-
-    def _restore_local_state(self, saved: Any) -> None:
-        for name, (current, applied) in saved.items():
-            self.slots[name].values[:], self.slots[name].applied[:] = current, applied
-        self.failure = None
 
     # what `coupling.events` asks
 
@@ -266,37 +236,7 @@ class ClockedMember(ClockedFMU):
 
     def access(self, names: list[str], write: bool) -> Access:
         """Create a call that copies values between memory and the slots."""
-        slots = [self.slot(name) for name in names]
-
-        def moved(_instance: int, _references: int, _count: int, address: int, _size: int) -> int:
-            for slot in slots:
-                ends = (slot.values.ctypes.data, address) if write else (address, slot.values.ctypes.data)
-                ctypes.memmove(*ends, slot.values.nbytes)
-                address += slot.values.nbytes
-            return binary.OK
-
-        self._keep_alive.append(machine.ACCESS(self.guarded(moved)))
-        return Access.from_callback(self._keep_alive[-1], [slot.variable for slot in slots])
-
-    def guarded(self, call: Callable[..., int]) -> Callable[..., int]:
-        """Wrap a callback: store its exception, since none may pass through native frames."""
-
-        def called(*arguments: Any) -> int:
-            try:
-                return call(*arguments)
-            except BaseException as error:  # also Ctrl-C
-                self.failure = error
-                self.log.append(str(error) if isinstance(error, TwinError) else described(error))
-                return binary.ERROR
-
-        return called
-
-    def check(self, status: int, what: str) -> None:
-        """Raise the stored exception of a callback, or `SimulationError` if its status says that it failed."""
-        failure, self.failure = self.failure, None
-        if failure is not None:
-            raise failure
-        super().check(status, what)
+        return self.slot_access([self.slot(name) for name in names], write)
 
     def sense(self) -> None:
         """Poll the FMU's output clocks for ticks."""

@@ -5,17 +5,14 @@ A tick is a time event that the solver does not pass. Clocks of several such FMU
 
 from __future__ import annotations
 
-import ctypes
 from typing import TYPE_CHECKING, Any
 
 from twin import clock
-from twin.compiler import machine
 from twin.coupling import Access
 from twin.errors import FMUError
 from twin.fmi import values
 from twin.fmi.clocks.clock_calls import ClockedFMU
 from twin.fmi.clocks.clock_declarations import computed
-from twin.fmi.importing import binary
 from twin.fmi.model_exchange.model_exchange_member import ExchangeMember, ValueSlot
 
 if TYPE_CHECKING:
@@ -98,15 +95,7 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
             self._clocks_of.get(slot.variable.references[0]) or slot.variable.type == "Clock" for slot in slots
         ):
             return super().access(names, write)
-
-        def copied(_instance: int, _references: int, _count: int, address: int, _size: int) -> int:
-            for slot in slots:
-                ctypes.memmove(address, slot.address, slot.values.nbytes)
-                address += slot.values.nbytes
-            return binary.OK
-
-        self._keep_alive.append(machine.ACCESS(copied))
-        return Access.from_callback(self._keep_alive[-1], [slot.variable for slot in slots])
+        return self.slot_access(slots, write)
 
     # events
 

@@ -16,7 +16,7 @@ from twin.coupling import StateAccess
 from twin.fmi.clocks.clock_declarations import CHANGED
 from twin.fmi.clocks.clocked_member import ClockedMember
 from twin.fmi.importing import binary
-from twin.fmi.importing.state_callbacks import both
+from twin.fmi.importing.local_state import both
 
 
 class ScheduledMember(ClockedMember):

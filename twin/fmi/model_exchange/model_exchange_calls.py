@@ -10,14 +10,14 @@ import numpy as np
 from twin.fmi.fmi_version import FMI2, FMI3
 from twin.fmi.importing import binary
 from twin.fmi.importing.c_functions import CallError, EventInfo, MissingFunctionError
-from twin.fmi.importing.fmu_member import FMUMember
+from twin.fmi.importing.local_state import FMUWithSlots
 from twin.fmi.model_description import Continuous
 from twin.fmi.model_exchange.solvers import Discarded
 
 CONTINUOUS = "continuous time"  # the mode in which it is integrated
 
 
-class ContinuousFMU(FMUMember):
+class ContinuousFMU(FMUWithSlots):
     """FMU whose equations are evaluated at the solver's points."""
 
     structure: Continuous

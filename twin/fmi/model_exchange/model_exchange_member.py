@@ -15,10 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.compiler import machine
-from twin.coupling import Access, Member, MemberVariable, ResolvedConnection, StateAccess
-from twin.errors import TwinError, described
+from twin.coupling import Access, Member, MemberVariable, ResolvedConnection
 from twin.fmi.importing import binary
-from twin.fmi.importing.state_callbacks import both
 from twin.fmi.model_exchange import solvers
 from twin.fmi.model_exchange.inputs import Followed
 from twin.fmi.model_exchange.model_exchange_calls import CONTINUOUS, ContinuousFMU
@@ -87,17 +85,15 @@ class ExchangeMember(ContinuousFMU):
         self.structure = self._unpacked.description.continuous
         self.slots: dict[str, ValueSlot] = {}
         self.system: ContinuousSystem | None = None
-        self.failure: BaseException | None = None
         self._given: dict[str, np.ndarray[Any, Any]] = {}  # what was set last
         self._waiting: dict[str, Any] = {}  # what is to be set at the next event
         self.followed: Followed | None = None
         self.sensitivity: Sensitivity | None = None  # integrated together with the states of the system
-        self._keep_alive: list[Any] = []  # callbacks
-        self._callback = machine.STEP(self._step)
+        self._callback = machine.STEP(self.guarded(self._step))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         super().__setstate__(state)
-        self._callback = machine.STEP(self._step)
+        self._callback = machine.STEP(self.guarded(self._step))
 
     # call sequence
 
@@ -148,23 +144,12 @@ class ExchangeMember(ContinuousFMU):
 
     def _step(self, _instance: int, t: float, h: float, _: int, *flags: int) -> int:
         _event, terminate, _early, reached = flags
-        try:
-            assert self.system is not None
-            self.system.step(t, h)
-        except BaseException as error:  # also Ctrl-C: nothing may pass through native frames
-            self.failure = error
-            self.log.append(str(error) if isinstance(error, TwinError) else described(error))
-            return binary.ERROR
+        assert self.system is not None
+        self.system.step(t, h)
         if self.system.ended:
             machine.write8(terminate, 1)
             machine.write_float(reached, self.system.t)
         return binary.OK
-
-    def check(self, status: int, what: str) -> None:
-        failure, self.failure = self.failure, None
-        if failure is not None:
-            raise failure
-        super().check(status, what)
 
     def last_successful_time(self, reached: float) -> float | None:
         return reached
@@ -174,34 +159,20 @@ class ExchangeMember(ContinuousFMU):
             self._state = "stepping"
         super().close()
 
-    def save(self) -> Any:
-        return super().save(), self._local_state()
-
-    def restore(self, saved: Any) -> None:
-        super().restore(saved[0])
-        self._restore_local_state(saved[1])
-
     def serialization_problem(self) -> str:
         return "it is integrated here (Model Exchange), and the state of its solver cannot be written"
 
     def _local_state(self) -> tuple[Any, ...]:
         """State outside the FMU: values in this process, and the solver's progress."""
         assert self.system is not None
-        values = {name: (slot.values.copy(), slot.applied.copy()) for name, slot in self.slots.items()}
-        return self.system.save(), values, self.states.copy(), dict(self._waiting)
+        return self.system.save(), super()._local_state(), self.states.copy(), dict(self._waiting)
 
     def _restore_local_state(self, saved: tuple[Any, ...]) -> None:
         assert self.system is not None
         at, values, states, waiting = saved
-        for name, (current, applied) in values.items():
-            self.slots[name].values[:], self.slots[name].applied[:] = current, applied
-        self.states[:], self.failure, self._waiting = states, None, dict(waiting)
+        super()._restore_local_state(values)
+        self.states[:], self._waiting = states, dict(waiting)
         self.system.restore(at)
-
-    def state_access(self, count: int) -> StateAccess:
-        """Access to the FMU state and the state in this process."""
-        own, saved_states = super().state_access(count), self._unpacked.saved_states
-        return both(own, self._local_state, self._restore_local_state, saved_states, self._keep_alive)
 
     # values
 
