@@ -4,8 +4,8 @@ import numpy as np
 
 from twin.coupling import MemberVariable, ResolvedConnection
 from twin.coupling.system import Reference
+from twin.fmi.importing.local_state import VariableSlot
 from twin.fmi.model_description import Continuous
-from twin.fmi.model_exchange.model_exchange_member import ValueSlot
 
 X, DER_X, U, Y, P = range(5)  # value references
 
@@ -67,7 +67,7 @@ class LinearMember:
         variable = self.variables[name]
         if name not in self.slots:
             values = np.zeros(variable.size)
-            self.slots[name] = ValueSlot(variable, variable.causality == "input", values, values.copy(), 0)
+            self.slots[name] = VariableSlot(variable, variable.causality == "input", values, values.copy())
         return self.slots[name]
 
     def move(self, slot):

@@ -8,7 +8,6 @@ look. A clock's value is whether it has ticked since the last communication poin
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -20,38 +19,12 @@ from twin.errors import FMUError
 from twin.fmi import values
 from twin.fmi.clocks.clock_calls import ClockedFMU
 from twin.fmi.clocks.clock_declarations import Clock
+from twin.fmi.importing.local_state import VariableSlot
 
 if TYPE_CHECKING:
     from twin.fmi.csv_tables import Inputs
 
 WORD = 8  # bytes that every scalar has room for
-
-
-@dataclass(slots=True)
-class ClockSlot:
-    """A variable's values in this process. `applied`: the last value set in the FMU, of an input.
-
-    `clocks`: value references of its clocks; none: it may be read and set whenever the mode allows it.
-    """
-
-    variable: MemberVariable
-    is_input: bool
-    clocks: frozenset[int]
-    values: np.ndarray[Any, Any]
-    applied: np.ndarray[Any, Any]
-    call: Callable[[], int] | None = None  # moves the values in the variable's direction; None: not numbers
-    name: str = ""
-
-    @property
-    def has_changed(self) -> bool:
-        """Whether an input's values differ from those set in the FMU last."""
-        if self.variable.connectable:
-            return self.values.tobytes() != self.applied.tobytes()
-        return bool(self.values.tolist() != self.applied.tolist())
-
-    def is_open(self, active: set[int]) -> bool:
-        """Whether it may be read and set while these clocks tick."""
-        return not self.clocks or not self.clocks.isdisjoint(active)
 
 
 class ClockedMember(ClockedFMU):
@@ -60,12 +33,11 @@ class ClockedMember(ClockedFMU):
     clocked = True
 
     def _describe(self, start_values: dict[str, Any]) -> None:
-        self.slots: dict[str, ClockSlot] = {}
-        self.free_inputs: list[ClockSlot] = []  # inputs that may be set between events
-        self.discrete_inputs: list[ClockSlot] = []  # inputs whose change is an event
-        self.clocked_inputs: list[ClockSlot] = []
-        self.outputs: list[ClockSlot] = []  # and whatever else is read
-        self.lit: list[ClockSlot] = []  # of the clocks that have ticked in this communication step
+        self.free_inputs: list[VariableSlot] = []  # inputs that may be set between events
+        self.discrete_inputs: list[VariableSlot] = []  # inputs whose change is an event
+        self.clocked_inputs: list[VariableSlot] = []
+        self.outputs: list[VariableSlot] = []  # and whatever else is read
+        self.lit: list[VariableSlot] = []  # of the clocks that have ticked in this communication step
         super()._describe(start_values)
         self.has_cheap_fmu_state = False  # Much of the state is in this process.
         self.active: set[int] = set()  # clocks that tick in the present instant, by value reference
@@ -184,7 +156,7 @@ class ClockedMember(ClockedFMU):
             slot = self.slot(variable.name)
             slot.values[:] = slot.applied[:] = np.ravel(value)
 
-    def slot(self, name: str) -> ClockSlot:
+    def slot(self, name: str) -> VariableSlot:
         """Return the slot of a variable, created at its first use."""
         if name in self.slots:
             return self.slots[name]
@@ -195,12 +167,12 @@ class ClockedMember(ClockedFMU):
             held[:] = np.ravel(variable.start)
         references = frozenset(self._clocks_of.get(variable.references[0], ()))
         is_input = variable.causality == "input" and variable.type != "Clock"
-        slot = self.slots[name] = ClockSlot(variable, is_input, references, held, held.copy())
+        slot = self.slots[name] = VariableSlot(variable, is_input, held, held.copy(), references)
         if variable.type != "Clock":
             self._group(slot).append(slot)
         if variable.type != "Clock" and variable.connectable:
             access = super().access([name], write=slot.is_input)
-            slot.name, slot.call = access.name, partial(access.call, self.instance, int(held.ctypes.data))
+            slot.name, slot.call = access.name, partial(access.call, self.instance, slot.address)
             self._keep_alive.append(access)
         if self.is_running and not slot.is_input and not slot.clocks and variable.type != "Clock":
             self.move(slot)
@@ -210,17 +182,17 @@ class ClockedMember(ClockedFMU):
         """Fresh bytes for values."""
         return np.zeros(size, np.uint8)
 
-    def _group(self, slot: ClockSlot) -> list[ClockSlot]:
+    def _group(self, slot: VariableSlot) -> list[VariableSlot]:
         if not slot.is_input:
             return self.outputs
         if slot.clocks:
             return self.clocked_inputs
         return self.free_inputs if slot.variable.variability == "continuous" else self.discrete_inputs
 
-    def move(self, slot: ClockSlot) -> None:
+    def move(self, slot: VariableSlot) -> None:
         """Set an input's values in the FMU, or read another variable's from it."""
         name = slot.variable.name
-        if slot.call is not None:
+        if slot.name:
             self.check(slot.call(), f"{slot.name} of {name}")
         elif slot.is_input:
             shaped = slot.values.reshape(slot.variable.shape) if slot.variable.shape else slot.values
@@ -229,10 +201,6 @@ class ClockedMember(ClockedFMU):
             slot.values[:] = np.ravel(np.asarray(super()._read_objects(slot.variable), object))
         if slot.is_input:
             slot.applied[:] = slot.values
-
-    def address(self, name: str) -> int:
-        """Return the address of a variable's values in this process."""
-        return int(self.slot(name).values.ctypes.data) if self.variables[name].connectable else 0
 
     def access(self, names: list[str], write: bool) -> Access:
         """Create a call that copies values between memory and the slots."""

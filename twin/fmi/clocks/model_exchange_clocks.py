@@ -13,7 +13,8 @@ from twin.errors import FMUError
 from twin.fmi import values
 from twin.fmi.clocks.clock_calls import ClockedFMU
 from twin.fmi.clocks.clock_declarations import computed
-from twin.fmi.model_exchange.model_exchange_member import ExchangeMember, ValueSlot
+from twin.fmi.importing.local_state import VariableSlot
+from twin.fmi.model_exchange.model_exchange_member import ExchangeMember
 
 if TYPE_CHECKING:
     from twin.fmi.csv_tables import Inputs
@@ -61,12 +62,12 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
 
     # values
 
-    def is_open(self, slot: ValueSlot) -> bool:
+    def is_open(self, slot: VariableSlot) -> bool:
         """Whether a variable may be read or set now."""
         clocks = self._clocks_of.get(slot.variable.references[0], ())
         return not clocks or self.is_initializing or not self.active.isdisjoint(clocks)
 
-    def move(self, slot: ValueSlot) -> None:
+    def move(self, slot: VariableSlot) -> None:
         """Move values between here and the FMU; those of clocks that do not tick stay as they are."""
         if slot.variable.type != "Clock" and self.is_open(slot):
             super().move(slot)

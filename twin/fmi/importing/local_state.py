@@ -3,24 +3,62 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from twin.compiler import machine
-from twin.coupling import Access, StateAccess
+from twin.coupling import Access, MemberVariable, StateAccess
 from twin.errors import TwinError, described
 from twin.fmi.importing import binary
 from twin.fmi.importing.fmu_member import FMUMember
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Sequence
+
+
+@dataclass(slots=True)
+class VariableSlot:
+    """A variable's values in this process. `applied`: the last value set in the FMU, of an input.
+
+    `call`, `name`: the FMU's function that moves the values in the variable's direction; no name: they are not numbers.
+    `clocks`: value references of its clocks; none: it may be read and set whenever the mode allows it. `is_driven`: an
+    input that has all its values from a member that it is integrated with.
+    """
+
+    variable: MemberVariable
+    is_input: bool
+    values: np.ndarray[Any, Any]
+    applied: np.ndarray[Any, Any]
+    clocks: frozenset[int] = frozenset()
+    name: str = ""
+    call: Callable[[], int] = int
+    is_driven: bool = False
+
+    @property
+    def address(self) -> int:
+        """Address of the values."""
+        return int(self.values.ctypes.data)
+
+    @property
+    def has_changed(self) -> bool:
+        """Whether an input's values from outside differ from those set in the FMU last."""
+        if not self.variable.connectable:
+            return self.is_input and bool(self.values.tolist() != self.applied.tolist())
+        return self.is_input and not self.is_driven and self.values.tobytes() != self.applied.tobytes()
+
+    def is_open(self, active: set[int]) -> bool:
+        """Whether it may be read and set while these clocks tick."""
+        return not self.clocks or not self.clocks.isdisjoint(active)
 
 
 class FMUWithSlots(FMUMember):
-    """FMU with values in this process. A slot has a variable, its `values`, and of an input those `applied` in the FMU."""
-
-    slots: Mapping[str, Any]
+    """FMU whose variables have values in this process, which others read and write."""
 
     def _describe(self, start_values: dict[str, Any]) -> None:
+        self.slots: dict[str, VariableSlot] = {}
         self._keep_alive: list[Any] = []  # callbacks
         super()._describe(start_values)
 
@@ -47,13 +85,21 @@ class FMUWithSlots(FMUMember):
             self.slots[name].values[:], self.slots[name].applied[:] = current, applied
         self.failure = None
 
-    def slot_access(self, slots: Sequence[Any], write: bool) -> Access:
+    def slot(self, name: str) -> VariableSlot:
+        """Return the slot of a variable, created at its first use."""
+        raise NotImplementedError
+
+    def address(self, name: str) -> int:
+        """Return the address of a variable's values in this process."""
+        return self.slot(name).address if self.variables[name].connectable else 0
+
+    def slot_access(self, slots: Sequence[VariableSlot], write: bool) -> Access:
         """Create a call that copies values between memory and slots."""
 
         def moved(_instance: int, _references: int, _count: int, address: int, _size: int) -> int:
             for slot in slots:
-                own = slot.values.ctypes.data
-                ctypes.memmove(own if write else address, address if write else own, slot.values.nbytes)
+                ends = (slot.address, address) if write else (address, slot.address)
+                ctypes.memmove(*ends, slot.values.nbytes)
                 address += slot.values.nbytes
             return binary.OK
 

@@ -18,7 +18,8 @@ from twin.graph import ordered_groups
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from twin.fmi.model_exchange.model_exchange_member import ExchangeMember, ValueSlot
+    from twin.fmi.importing.local_state import VariableSlot
+    from twin.fmi.model_exchange.model_exchange_member import ExchangeMember
 
 Vector = np.ndarray[Any, Any]
 
@@ -48,7 +49,7 @@ class SlotTarget:
     """Target of a connection: `part` of the source's values is converted and written to `target_slice` of an input."""
 
     member: ExchangeMember
-    slot: ValueSlot
+    slot: VariableSlot
     part: slice
     target_slice: slice
     factor: float
@@ -75,7 +76,7 @@ class SlotSource:
     """A variable that others of the system read."""
 
     member: ExchangeMember
-    slot: ValueSlot
+    slot: VariableSlot
     targets: tuple[SlotTarget, ...]
     overrides: SlotOverrides
 

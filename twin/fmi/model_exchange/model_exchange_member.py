@@ -8,7 +8,6 @@ with an excursion to Event Mode at every event.
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +16,7 @@ import numpy as np
 from twin.compiler import machine
 from twin.coupling import Access, Member, MemberVariable, ResolvedConnection
 from twin.fmi.importing import binary
+from twin.fmi.importing.local_state import VariableSlot
 from twin.fmi.model_exchange import solvers
 from twin.fmi.model_exchange.inputs import Followed
 from twin.fmi.model_exchange.model_exchange_calls import CONTINUOUS, ContinuousFMU
@@ -24,33 +24,11 @@ from twin.fmi.model_exchange.solvers import Discarded
 from twin.fmi.model_exchange.system import ContinuousSystem
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from twin.fmi.csv_tables import Inputs
     from twin.fmi.model_exchange.sensitivity import Sensitivity
-
-
-@dataclass(slots=True)
-class ValueSlot:
-    """A variable's values in this process, at an address. `applied`: the last value set in the FMU, of an input.
-
-    `call`: moves the values between here and the FMU, in the one direction that there is for the variable.
-    """
-
-    variable: MemberVariable
-    is_input: bool
-    values: np.ndarray[Any, Any]
-    applied: np.ndarray[Any, Any]
-    address: int
-    name: str = ""
-    call: Callable[[], int] = int
-    is_driven: bool = False  # an input that has all its values from a member that it is integrated with
-
-    @property
-    def has_changed(self) -> bool:
-        """Whether an input's values from outside differ from those set in the FMU last."""
-        return self.is_input and not self.is_driven and self.values.tobytes() != self.applied.tobytes()
 
 
 class ExchangeMember(ContinuousFMU):
@@ -83,7 +61,6 @@ class ExchangeMember(ContinuousFMU):
         self.notes.append(f"is integrated by {self.solver or solvers.DEFAULT}, relative tolerance {exact:g}")
         assert self._unpacked.description.continuous is not None
         self.structure = self._unpacked.description.continuous
-        self.slots: dict[str, ValueSlot] = {}
         self.system: ContinuousSystem | None = None
         self._given: dict[str, np.ndarray[Any, Any]] = {}  # what was set last
         self._waiting: dict[str, Any] = {}  # what is to be set at the next event
@@ -207,10 +184,6 @@ class ExchangeMember(ContinuousFMU):
         if variable.connectable and variable.causality == "input":
             self._given[variable.name] = np.array(value, variable.dtype).reshape(-1)
 
-    def address(self, name: str) -> int:
-        variable = self.variables[name]
-        return self.slot(variable.name).address if variable.connectable else 0
-
     def access(self, names: list[str], write: bool) -> Access:
         if not write:
             return super().access(names, write)
@@ -231,13 +204,13 @@ class ExchangeMember(ContinuousFMU):
         made.function, made.takes_size = ctypes.cast(self._keep_alive[-1], ctypes.c_void_p).value or 0, True
         return made
 
-    def slot(self, name: str) -> ValueSlot:
+    def slot(self, name: str) -> VariableSlot:
         """Where a variable's values lie for others; they are there at once if the member is integrated."""
         if name in self.slots:
             return self.slots[name]
         variable = self.variables[name]
         values, is_input = np.zeros(variable.size, variable.dtype), variable.causality == "input"
-        slot = self.slots[name] = ValueSlot(variable, is_input, values, values.copy(), int(values.ctypes.data))
+        slot = self.slots[name] = VariableSlot(variable, is_input, values, values.copy())
         access = super().access([name], write=is_input)
         self._keep_alive.append(access)
         slot.name, slot.call = access.name, partial(access.call, self.instance, slot.address)
@@ -249,7 +222,7 @@ class ExchangeMember(ContinuousFMU):
             self.move(slot)
         return slot
 
-    def move(self, slot: ValueSlot) -> None:
+    def move(self, slot: VariableSlot) -> None:
         """Set an input's values in the FMU, or read another variable's from it."""
         status = slot.call()
         if status == binary.DISCARD:
