@@ -6,12 +6,14 @@ Lengths are in meters here and in millimeters in what a page gets.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, is_dataclass
-from functools import cached_property
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from operator import attrgetter
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from pydantic import PlainSerializer, PlainValidator, TypeAdapter
 
 from twin.results import Expression, expression, si_conversion
 
@@ -28,7 +30,9 @@ DIRECTIONS = {
     sign + axis: tuple(float(f"{sign}1") * (axis == other) for other in "xyz") for sign in ("", "-") for axis in "xyz"
 }
 
-Point = tuple[Expression, ...]  # of an array of three elements, or of each coordinate
+# An expression, in JSON its text.
+Formula = Annotated[Expression, PlainValidator(expression.parse), PlainSerializer(attrgetter("text"))]
+Point = tuple[Formula, ...]  # of an array of three elements, or of each coordinate
 
 
 @dataclass(frozen=True)
@@ -53,11 +57,11 @@ class SpaceLine:
 
     label: str
     width: float = 0.0  # [m]
-    signal: Expression | None = None
-    along: Expression | None = None
+    signal: Formula | None = None
+    along: Formula | None = None
     root: tuple[float, ...] = ()
     tip: Point = ()
-    beyond: Expression | None = None
+    beyond: Formula | None = None
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,7 @@ class SpacePoint:
 
     label: str
     signal: Point = ()
-    along: Expression | None = None
+    along: Formula | None = None
 
 
 @dataclass(frozen=True)
@@ -75,7 +79,7 @@ class Surface:
 
     label: str
     normal: str
-    position: Expression
+    position: Formula
     center: Point
     diameter: float  # [m]
 
@@ -85,7 +89,7 @@ class SpaceForce:
     """Force [N] on the point `at`, positive along an axis; an arrow whose length shows it as part of `largest` [N]."""
 
     label: str
-    force: Expression
+    force: Formula
     direction: str
     at: Point
     largest: float
@@ -129,54 +133,18 @@ class Space:
 
     def plain(self) -> dict[str, Any]:
         """Return the specification as JSON data."""
-        plain: dict[str, Any] = _plain(self)
+        plain: dict[str, Any] = _adapter().dump_python(self, mode="json")
         return plain
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> Space:
         """Create a specification from JSON data."""
-
-        def point(texts: list[str]) -> Point:
-            return tuple(map(expression.parse, texts))
-
-        def optional(text: str | None) -> Expression | None:
-            return None if text is None else expression.parse(text)
-
-        path = data["path"]
-        return cls(
-            path and SpacePath(**{**path, "curvature": tuple(path["curvature"])}),
-            tuple(
-                SpaceLine(
-                    each["label"],
-                    each["width"],
-                    optional(each["signal"]),
-                    optional(each["along"]),
-                    tuple(each["root"]),
-                    point(each["tip"]),
-                    optional(each["beyond"]),
-                )
-                for each in data["lines"]
-            ),
-            tuple(SpacePoint(each["label"], point(each["signal"]), optional(each["along"])) for each in data["points"]),
-            tuple((name, distance) for name, distance in data["targets"]),
-            tuple(
-                Surface(**{**each, "position": expression.parse(each["position"]), "center": point(each["center"])})
-                for each in data["surfaces"]
-            ),
-            tuple(
-                SpaceForce(**{**each, "force": expression.parse(each["force"]), "at": point(each["at"])})
-                for each in data["forces"]
-            ),
-            data["size"],
-        )
+        return _adapter().validate_python(data)
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, Expression):
-        return value.text
-    if is_dataclass(value):
-        return {each.name: _plain(getattr(value, each.name)) for each in fields(value)}
-    return [_plain(each) for each in value] if isinstance(value, tuple) else value
+@lru_cache(maxsize=1)
+def _adapter() -> TypeAdapter[Space]:
+    return TypeAdapter(Space)
 
 
 @dataclass(frozen=True, eq=False)
