@@ -177,9 +177,8 @@ class CoupledSystem:
         text = f"{connection.source} -> {connection.target}"
         if source.size != target.size:
             raise CouplingError(f"{text}: {source.size} values do not fit {target.size}. Connect elements, like x[1].")
-        if "Clock" in (source.variable.type, target.variable.type):
-            return make_clock_link(source, target, connection, text)
-        if not (source.variable.connectable and target.variable.connectable):
+        ends = source.variable, target.variable
+        if any(end.type == "Clock" or not end.connectable for end in ends):
             return make_object_link(source, target, connection, text)
         check_items(source.variable, target.variable, text)
         if is_real(source.variable) and not is_real(target.variable):
@@ -232,20 +231,14 @@ class CoupledSystem:
 
 
 def make_object_link(source: Reference, target: Reference, connection: Connection, text: str) -> ResolvedConnection:
-    """Return a link of strings or binaries; CouplingError if the types differ."""
-    a, b = source.variable.type, target.variable.type
-    if a != b:
-        raise CouplingError(f"{text}: {a} does not fit {b}. Connect two of one type.")
-    if (connection.factor, connection.offset) != (1.0, 0.0):
-        raise CouplingError(f"{text}: factor and offset are for real numbers. Leave them out.")
-    return ResolvedConnection(source, target)
+    """Return a link of strings, binaries or clocks, which are not converted; CouplingError if they do not fit.
 
-
-def make_clock_link(source: Reference, target: Reference, connection: Connection, text: str) -> ResolvedConnection:
-    """Return a link of clocks, whose target ticks when the source does; CouplingError if it is not triggered."""
+    The target of a link of clocks ticks when the source does, so it must be a triggered clock.
+    """
     a, b = source.variable, target.variable
     if a.type != b.type:
-        raise CouplingError(f"{text}: {a.type} does not fit {b.type}. Connect two clocks.")
+        advice = "Connect two clocks" if "Clock" in (a.type, b.type) else "Connect two of one type"
+        raise CouplingError(f"{text}: {a.type} does not fit {b.type}. {advice}.")
     if b.interval:
         raise CouplingError(f"{text}: the target ticks by itself ({b.interval}). Connect to a triggered clock.")
     if (connection.factor, connection.offset) != (1.0, 0.0):

@@ -28,7 +28,7 @@ from twin.coupling import (
 )
 from twin.errors import SimulationError
 from twin.follow.fmu_states import FmuRestarts, FmuStates, StateSlot, is_settable
-from twin.follow.influence import shared_members
+from twin.follow.influence import shared_by_copies
 from twin.run import build_simulation
 from twin.scenario import Backend
 
@@ -61,7 +61,7 @@ class Batch:
 
     `parameters`: further variables to write, beside the estimates, by `set_parameters`. `signals`: those to read by `outputs`;
     by default the measured ones. `interval`: longest time between two moments in which all copies have the same memory except the
-    estimates [communication steps]; members on which nothing depends within it are not copied (`shared_members`).
+    estimates [communication steps]; members on which nothing depends within it are not copied (`shared_by_copies`).
     """
 
     def __init__(
@@ -77,11 +77,7 @@ class Batch:
         self._accesses: list[Access] = []  # whose references the loop reads
         case = problem.experiment.case
         self._signals = [output.signal for output in problem.outputs] if signals is None else list(signals)
-        corrected = [
-            path.partition(".")[0] for path in (*(estimate.name for estimate in problem.estimates), *parameters)
-        ]
-        measured = [signal.partition(".")[0] for signal in self._signals]
-        self.shared = shared_members(case, corrected, measured, interval * float(case.step_ns))
+        self.shared = shared_by_copies(problem, interval, parameters, self._signals)
         self._names = [name for name in case.members if name not in self.shared]
         numbers = range(count)
         members = {self._own(name, k): replace(s, finite=False) for name, s in case.members.items() for k in numbers}

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
     from twin.component import Component
+    from twin.follow.problem import FollowProblem
     from twin.scenario import Case, MemberSpec
 
 
@@ -42,6 +43,17 @@ def shared_members(case: Case, corrected: Iterable[str], measured: Iterable[str]
     reached = distances(corrected, targets, lengths)
     back = distances(corrected | set(measured), sources, {(b, a): length for (a, b), length in lengths.items()})
     return frozenset(name for name in case.members if reached.get(name, inf) + back.get(name, inf) > interval)
+
+
+def shared_by_copies(
+    problem: FollowProblem, interval: float, parameters: Iterable[str] = (), signals: Iterable[str] | None = None
+) -> frozenset[str]:
+    """Return the members that copies of a problem's model share; arguments as of `Batch`."""
+    case = problem.experiment.case
+    estimated = [estimate.name for estimate in problem.estimates]
+    read = [output.signal for output in problem.outputs] if signals is None else signals
+    corrected, measured = ([path.partition(".")[0] for path in paths] for paths in ((*estimated, *parameters), read))
+    return shared_members(case, corrected, measured, interval * float(case.step_ns))
 
 
 def is_continuous(name: str, spec: MemberSpec) -> bool:

@@ -12,7 +12,7 @@ from twin.component import PythonComponent, catalog
 from twin.coupling import find
 from twin.errors import CouplingError, ScenarioError
 from twin.follow.exporting.estimator import PointModel, compose_estimator
-from twin.follow.influence import shared_members
+from twin.follow.influence import shared_by_copies
 from twin.follow.live_problem import has_rig, load_live
 from twin.follow.problem import FollowProblem, load, times_of
 from twin.identify import replay
@@ -89,7 +89,7 @@ def refuse(problem: FollowProblem) -> None:
 
 def point_model(problem: FollowProblem, stem: str) -> PointModel:
     """Return the model; the other points leave out the members that `twin follow` shares, if no algebraic loop leads there."""
-    shared = shared_by_points(problem)
+    shared = shared_by_copies(problem, problem.longest_interval)
     case, catalog = seeded(problem, shared), problem.experiment.catalog
     recorded = [replay.member_name(number) for number in range(len(problem.keys.inputs))]
     measured = list(dict.fromkeys(find(output.signal, catalog).key for output in problem.outputs))
@@ -105,14 +105,6 @@ def point_model(problem: FollowProblem, stem: str) -> PointModel:
     outside = set(names) - set(own)
     crossing = [link for link in all_links if link.source.member in outside and link.target.member in own]
     return PointModel(center, point, links, crossing)
-
-
-def shared_by_points(problem: FollowProblem) -> frozenset[str]:
-    """Return the members of which `twin follow` has one for all points."""
-    case = problem.experiment.case
-    corrected = [estimate.name.partition(".")[0] for estimate in problem.estimates]
-    measured = [signal.signal.partition(".")[0] for signal in problem.outputs]
-    return shared_members(case, corrected, measured, problem.longest_interval * float(case.step_ns))
 
 
 def seeded(problem: FollowProblem, shared: frozenset[str]) -> Case:

@@ -10,7 +10,7 @@ import numpy as np
 from twin.component import catalog
 from twin.coupling import declared_variables
 from twin.follow.filtering.tangent_components import carries_slope, slope_name, with_slopes
-from twin.follow.influence import shared_members
+from twin.follow.influence import shared_by_copies
 from twin.graph import reached
 from twin.scenario import ConnectionSpec
 
@@ -27,8 +27,7 @@ def moving_members(problem: FollowProblem, interval: float) -> list[str]:
     for connection in case.connections:
         targets.setdefault(connection.source.partition(".")[0], []).append(connection.target.partition(".")[0])
     corrected = [estimate.name.partition(".")[0] for estimate in problem.estimates]
-    measured = [output.signal.partition(".")[0] for output in problem.outputs]
-    shared = shared_members(case, corrected, measured, interval * float(case.step_ns))
+    shared = shared_by_copies(problem, interval)
     moving = set(reached(targets, corrected)) | set(corrected)
     return [name for name in case.members if name in moving and name not in shared]
 
