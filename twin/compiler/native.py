@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,8 @@ from twin.errors import BuildError
 from twin.store import Store, make_key
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import numpy as np
 
 # what an FMU holds is hidden; the same object serves this process behind a table of addresses
@@ -122,8 +125,11 @@ def load_component(cls: type[Component], build: Path) -> tuple[int, int]:
     return start, step
 
 
-def load_record_function(dtype: np.dtype[Any], name: str, function: Any, head: str, build: Path) -> int:
-    """Address of a function over a plain record, `int32_t NAME_run(record)`."""
+@lru_cache(maxsize=32)
+def load_record_function(
+    dtype: np.dtype[Any], name: str, function: Any, head: str, build: Path
+) -> Callable[[int], int]:
+    """Compile a function over a plain record, `int32_t NAME_run(record)`; returns a native function of its address."""
     key = fingerprint(function, dtype, name, head)
     assert key is not None, "functions of the engine can be traced"
 
@@ -133,4 +139,5 @@ def load_record_function(dtype: np.dtype[Any], name: str, function: Any, head: s
         return {f"{name}.c": translate_record(dtype, name, function, head).encode()}
 
     text = Store(build).get_or_create(name, key, create)[f"{name}.c"].decode()
-    return load_symbols(Sources(name, "", text), build, (f"{name}_run",))[0]
+    address = load_symbols(Sources(name, "", text), build, (f"{name}_run",))[0]
+    return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(address)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -49,15 +48,6 @@ class Condition:
     hold: clock.Time = 0
     after: clock.Time | None = None
     repeats: bool = False
-
-
-@lru_cache(maxsize=8)
-def compiled_start(build: Path) -> Callable[[int], int]:
-    """Compile the evaluation before the first step; returns a native function of the record's address."""
-    address = compiler.load_record_function(
-        loop.RECORD, "conditions", condition_loop.start, "Conditions before the first step.", build
-    )
-    return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(address)
 
 
 class Conditions:
@@ -122,7 +112,9 @@ class Conditions:
 
     def start(self, cosimulation: CoSimulation, record: np.ndarray[Any, Any], build: Path) -> None:
         """Evaluate the conditions before the first step."""
-        if self.conditions and compiled_start(build)(record.ctypes.data):
+        head = "Conditions before the first step."
+        names = loop.RECORD, "conditions", condition_loop.start, head
+        if self.conditions and compiler.load_record_function(*names, build)(record.ctypes.data):
             self.act(cosimulation)
 
     def act(self, cosimulation: CoSimulation) -> None:

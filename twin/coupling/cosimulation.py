@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import ctypes
 import time as wall
 from contextlib import nullcontext
-from functools import lru_cache, partial
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -45,15 +44,13 @@ CHECK_SECONDS = 0.5  # wall-clock time between two checks for finite values [s]:
 FIRST_STEPS = 4  # communication steps of the first native call
 
 
-@lru_cache(maxsize=8)
 def compiled_loop(build: Path, plain: bool = True) -> Callable[[int], int]:
     """Compile the fixed-step loop, or the variable-step master for algorithms that are not plain.
 
     Returns a native function of the record's address.
     """
     name, function = ("cosimulation", loop.run) if plain else ("walk", stepping.run)
-    address = compiler.load_record_function(loop.RECORD, name, function, f"The {name} loop.", build)
-    return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(address)
+    return compiler.load_record_function(loop.RECORD, name, function, f"The {name} loop.", build)
 
 
 class CoSimulation(StepFailures):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
 from dataclasses import replace
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +13,7 @@ from twin.coupling.member import StateAccess
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
     from twin.coupling.cosimulation import CoSimulation
@@ -44,13 +42,6 @@ def run(self: Any) -> int:
     return 0
 
 
-@lru_cache(maxsize=8)
-def compiled_calls(build: Path) -> Callable[[int], int]:
-    """Compile `run`; return a native function of the record's address."""
-    address = compiler.load_record_function(RECORD, "states", run, "Saving and setting of FMU states.", build)
-    return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(address)
-
-
 class StateTransfer:
     """A native call that saves and sets FMU states in the given order. All members must outlive it."""
 
@@ -69,7 +60,8 @@ class StateTransfer:
         self._rows = np.array(rows, np.int64).reshape(len(rows), ROW_SIZE // 8)
         self._record = np.zeros(1, RECORD)
         self._record[0]["rows"], self._record[0]["count"] = self._rows.ctypes.data, len(rows)
-        self._run, self._address = compiled_calls(build), self._record.ctypes.data
+        self._run = compiler.load_record_function(RECORD, "states", run, "Saving and setting of FMU states.", build)
+        self._address = self._record.ctypes.data
 
     def __call__(self) -> None:
         """Save and set the states; SimulationError if an FMU refuses it."""

@@ -6,8 +6,6 @@ that a static component has no lag: row k of the outputs belongs to row k of the
 
 from __future__ import annotations
 
-import ctypes
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -70,13 +68,6 @@ def run(self: Any) -> int:
     return 0
 
 
-@lru_cache(maxsize=4)
-def native_run(build: Path) -> Any:
-    """Compile `run`; returns a native function of the record's address."""
-    address = compiler.load_record_function(RECORD, "rollout", run, "Roll-outs over windows of measured inputs.", build)
-    return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(address)
-
-
 class RollOut:
     """A component that is driven by measured inputs with communication step `step` [s].
 
@@ -108,7 +99,8 @@ class RollOut:
         self._start = member.save()
         self._inputs = [self.offset(name) for name in inputs]
         self._outputs = [self.offset(name) for name in outputs]
-        self._run = native_run(build)
+        head = "Roll-outs over windows of measured inputs."
+        self._run = compiler.load_record_function(RECORD, "rollout", run, head, build)
 
     def variable(self, name: str) -> Any:
         """Variable of the component; TwinError with a suggestion if there is none, or it is no single real number."""

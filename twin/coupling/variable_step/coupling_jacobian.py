@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin.coupling.stability.linear_member import zero_order_hold
 from twin.coupling.variable_step.record_layout import ARRIVED, TO_ARRIVED
 
 if TYPE_CHECKING:
@@ -24,12 +25,7 @@ SMALL = 1e-3  # size of an input that is zero [its SI unit]
 
 def derivatives_over_step(a: Matrix, b: Matrix, c: Matrix, d: Matrix, h: float) -> Matrix:
     """Return the derivatives of outputs at the end of a step of h [s] by inputs held over it."""
-    from scipy.linalg import expm
-
-    n, m = b.shape
-    block = np.zeros((n + m, n + m))
-    block[:n, :n], block[:n, n:] = a * h, b * h
-    return np.asarray(c @ expm(block)[:n, n:] + d)
+    return np.asarray(c @ zero_order_hold(a, b, h)[1] + d)
 
 
 def derivatives_by_differences(
