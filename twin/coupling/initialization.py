@@ -9,7 +9,7 @@ import numpy as np
 from twin import clock
 from twin.coupling.execution import string_binary_links
 from twin.coupling.fixed_point import FixedPoint
-from twin.coupling.system import ResolvedConnection, direct_followers, is_real
+from twin.coupling.system import ResolvedConnection, by_source, direct_followers, is_real
 from twin.errors import SimulationError
 from twin.graph import ordered_groups
 
@@ -35,15 +35,13 @@ def end_of_last_step(start: clock.Time, stop: clock.Time | None, period: clock.T
 
 def solve_initialization(members: Mapping[str, Member], links: list[ResolvedConnection]) -> None:
     """Set every connected input from its source; the members must be in InitializationMode."""
-    by_source: dict[Key, list[ResolvedConnection]] = {}
-    for link in links:
-        by_source.setdefault(link.source.key, []).append(link)
+    sources = by_source(links)
     followers = direct_followers(links, {name: member.variables for name, member in members.items()})
-    for keys in ordered_groups(list(by_source), followers):
+    for keys in ordered_groups(list(sources), followers):
         if len(keys) == 1 and keys[0] not in followers[keys[0]]:
-            set_targets(members, by_source[keys[0]], members[keys[0][0]].get(keys[0][1]))
+            set_targets(members, sources[keys[0]], members[keys[0][0]].get(keys[0][1]))
         else:
-            _solve_loop(members, keys, by_source)
+            _solve_loop(members, keys, sources)
 
 
 def set_targets(members: Mapping[str, Member], links: list[ResolvedConnection], value: Any) -> None:
@@ -63,21 +61,19 @@ def set_targets(members: Mapping[str, Member], links: list[ResolvedConnection], 
             member.set(variable.name, full)
 
 
-def _solve_loop(
-    members: Mapping[str, Member], group: list[Key], by_source: dict[Key, list[ResolvedConnection]]
-) -> None:
+def _solve_loop(members: Mapping[str, Member], group: list[Key], sources: dict[Key, list[ResolvedConnection]]) -> None:
     """Solve a loop; strings and binaries in it are propagated until they no longer change."""
     words = [(member, name) for member, name in group if not members[member].variables[name].connectable]
     numbers = [key for key in group if key not in words]
     if not words:
-        _solve_numbers(members, numbers, by_source)
+        _solve_numbers(members, numbers, sources)
         return
     for _ in range(ITERATIONS):
         previous = [string_binary_links.flatten(members[member].get(name)).tolist() for member, name in words]
         for member, name in words:
-            set_targets(members, by_source[member, name], members[member].get(name))
+            set_targets(members, sources[member, name], members[member].get(name))
         if numbers:
-            _solve_numbers(members, numbers, by_source)
+            _solve_numbers(members, numbers, sources)
         if [string_binary_links.flatten(members[member].get(name)).tolist() for member, name in words] == previous:
             return
     names = ", ".join(f"{m}.{n}" for m, n in words)
@@ -85,7 +81,7 @@ def _solve_loop(
 
 
 def _solve_numbers(
-    members: Mapping[str, Member], group: list[Key], by_source: dict[Key, list[ResolvedConnection]]
+    members: Mapping[str, Member], group: list[Key], sources: dict[Key, list[ResolvedConnection]]
 ) -> None:
     """Solve G(x) = x for the sources of a loop: Newton for real values, else repeated substitution."""
 
@@ -93,7 +89,7 @@ def _solve_numbers(
         at = 0
         for member, name in group:
             size = members[member].variables[name].size
-            set_targets(members, by_source[member, name], x[at : at + size])
+            set_targets(members, sources[member, name], x[at : at + size])
             at += size
         return read()
 

@@ -6,7 +6,7 @@ A connection of two terminals stands for one connection of each pair of their me
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -287,17 +287,25 @@ def feeds(link: ResolvedConnection, output: MemberVariable) -> bool:
 
 def direct_followers(links: list[ResolvedConnection], catalog: Catalog) -> dict[tuple[str, str], list[tuple[str, str]]]:
     """Return for each connected output the connected outputs that depend on it directly, through one member."""
-    by_source: dict[tuple[str, str], list[ResolvedConnection]] = {}
+    return followers_of(by_source(links), lambda link, key: feeds(link, catalog[key[0]][key[1]]))
+
+
+def by_source(links: Iterable[ResolvedConnection]) -> dict[tuple[str, str], list[ResolvedConnection]]:
+    """Return the connections that start at each variable."""
+    sources: dict[tuple[str, str], list[ResolvedConnection]] = {}
     for link in links:
-        by_source.setdefault(link.source.key, []).append(link)
+        sources.setdefault(link.source.key, []).append(link)
+    return sources
+
+
+def followers_of(
+    sources: Mapping[tuple[str, str], Sequence[ResolvedConnection]],
+    depends: Callable[[ResolvedConnection, tuple[str, str]], bool],
+) -> dict[tuple[str, str], list[tuple[str, str]]]:
+    """Return for each source the other ones in the members that it leads to for which `depends(connection, other)` holds."""
     return {
-        key: [
-            other
-            for link in group
-            for other in by_source
-            if other[0] == link.target.member and feeds(link, catalog[other[0]][other[1]])
-        ]
-        for key, group in by_source.items()
+        key: [other for link in links for other in sources if other[0] == link.target.member and depends(link, other)]
+        for key, links in sources.items()
     }
 
 

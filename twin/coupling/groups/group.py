@@ -30,7 +30,7 @@ from twin.component import (
 )
 from twin.coupling.groups import group_equations
 from twin.coupling.groups.group_writer import Copy, GroupMember, GroupWriter, Key, each
-from twin.coupling.system import ResolvedConnection
+from twin.coupling.system import ResolvedConnection, by_source, followers_of
 from twin.errors import CouplingError
 from twin.graph import ordered_groups
 
@@ -91,17 +91,9 @@ def initialization(writer: GroupWriter, border: list[Variable]) -> list[str]:
     lines = ["def initialize(self, t):", "    self._count[0] = 0"]
     stale = dict.fromkeys(writer.parts, True)
     lines += [line for i, variable in enumerate(border) for line in take_border(writer, i, variable).lines]
-    sources: dict[Key, list[ResolvedConnection]] = {}
-    for link in writer.links:
-        sources.setdefault(link.source.key, []).append(link)
+    sources = by_source(writer.links)
     feedthrough = {name: dependencies(part.component) for name, part in writer.parts.items()}
-
-    def follows(link: ResolvedConnection, other: Key) -> bool:
-        if other[0] != link.target.member:
-            return False
-        return link.target.variable.name in feedthrough[other[0]].get(other[1], ())
-
-    followers = {key: [o for link in links for o in sources if follows(link, o)] for key, links in sources.items()}
+    followers = followers_of(sources, lambda link, o: link.target.variable.name in feedthrough[o[0]].get(o[1], ()))
     for keys in ordered_groups(list(sources), followers):
         if len(keys) > 1 or keys[0] in followers[keys[0]]:
             lines += settle(writer, keys, sources)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin.compiler import Tangents, flow, tangents
 from twin.component import Role, define, evaluation
-from twin.coupling.system import is_real
+from twin.coupling.system import by_source, followers_of, is_real
 from twin.graph import closure, ordered_groups
 
 if TYPE_CHECKING:
@@ -44,19 +44,11 @@ def order(
 
     `functions`: functions of the members that define the dependencies.
     """
-    sources: dict[Key, list[ResolvedConnection]] = {}
-    for link in links:
-        sources.setdefault(link.source.key, []).append(link)
+    sources = by_source(links)
     flows = {name: flow(part.component, functions) for name, part in parts.items()}
-    followers = {
-        key: [
-            other
-            for link in own
-            for other in sources
-            if other[0] == link.target.member and link.target.variable.name in flows[other[0]].get(other[1], ())
-        ]
-        for key, own in sources.items()
-    }
+    followers = followers_of(
+        sources, lambda link, other: link.target.variable.name in flows[other[0]].get(other[1], ())
+    )
     sequence: list[str | ResolvedConnection] = []
     is_stale = dict.fromkeys(parts, True)
     for keys in ordered_groups(list(sources), followers):
