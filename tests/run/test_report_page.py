@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.run.reported import LIMIT, PLOTS, TIME, tables
-from twin.results import Evaluation, EventLine, Plot, PlotCurve, evaluate, expression, find_violations
+from twin.results import Evaluation, EventLine, Metric, Plot, PlotCurve, evaluate, expression, find_violations
 from twin.results.evaluation.violations import Violation
 from twin.results.recording import run_folder as results
 from twin.results.recording.signals import Window
@@ -213,6 +213,28 @@ def test_paper_has_plots_in_light_and_a_phone_has_nothing_cut(page) -> None:
     )
     assert max(label["height"], button["height"]) < 30  # one line each, the command below
     assert code["y"] >= button["y"] + button["height"] - 1
+
+
+@pytest.mark.slow
+def test_values_of_metrics_are_on_a_phone(browser, tmp_path) -> None:
+    metric = Metric(
+        "error", LIMIT.signal, "std", description="standard deviation of the contact force", paper={"PI": 0.04}
+    )
+    evaluation = evaluate({"error": metric}, [], tables())
+    summary = results.build_summary(results.RunInfo("x"), evaluation, tables()) | {"sentence": ""}
+    (tmp_path / "report.html").write_text(report_page.report_html(summary, evaluation, tables()))
+    page = browser.new_page(viewport={"width": 360, "height": 740})
+    page.goto(f"file://{tmp_path}/report.html")
+    cells = page.locator("#figures td:visible")
+    boxes = [cells.nth(k).bounding_box() for k in range(cells.count())]
+    assert len(boxes) >= 7
+    assert all(box["x"] >= 0 and box["x"] + box["width"] <= 360 for box in boxes)
+    assert (
+        page.locator("#figures td.twin")
+        .first.evaluate("(cell) => getComputedStyle(cell, '::before').content")
+        .startswith('"twin ')
+    )
+    page.close()
 
 
 @pytest.mark.slow
