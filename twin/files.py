@@ -8,6 +8,7 @@ import re
 import threading
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from twin.errors import TwinError
 
@@ -30,6 +31,13 @@ def write_atomically(path: Path, data: bytes | str) -> None:
         if isinstance(error, OSError):
             raise OSError(error.errno, error.strerror, str(path)) from error
         raise
+
+
+def parse_float(value: Any) -> float:
+    """Convert a cell to a number; ValueError for other text, also for `1_000`, which Python reads as 1000."""
+    if isinstance(value, str) and "_" in value:
+        raise ValueError(value)
+    return float(value)
 
 
 def read_csv(path: Path, separators: str = ",", error_type: type[TwinError] = TwinError) -> list[tuple[int, list[str]]]:

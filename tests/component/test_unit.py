@@ -196,6 +196,13 @@ def test_cycles_are_no_angles(source, target):
         unit.conversion(source, target, "")
 
 
+@every_case(("source", "target"), [("%", "rad"), ("%", "deg"), ("%/s", "rad/s"), ("rad", "%")])
+def test_an_angle_has_no_percent(source, target):
+    with pytest.raises(CouplingError, match=f"{source} does not convert to {target}: an angle has no percent"):
+        unit.conversion(source, target, "")
+    assert unit.conversion("%", "1", "") == (0.01, 0.0)
+
+
 @every_case(
     ("source", "target", "factor"),
     [

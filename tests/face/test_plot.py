@@ -1,5 +1,7 @@
 """Plots of a run in Python: which signals of which cases they show, in which units, from a run that a test writes."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -37,6 +39,8 @@ def drawn(monkeypatch):
     """What is drawn instead of a figure: (title, unit, unit of x, label, curves) of each plot, and the cases."""
     found = []
 
+    figure = SimpleNamespace(_repr_svg_=lambda: '<svg><path fill="#ffffff"/><text fill="#1f2933">t</text></svg>')
+
     def plot_figure(plots, cases, marks, *, titled):
         found[:] = [
             [
@@ -53,7 +57,7 @@ def drawn(monkeypatch):
             list(cases),
             (marks, titled),
         ]
-        return "figure"
+        return figure
 
     monkeypatch.setattr(plotting, "plot_figure", plot_figure)
     return found
@@ -68,7 +72,9 @@ def names_of(plots):
 
 def test_plots_of_the_scenario(run, drawn):
     """Without a unit they have that of their signals, if that is one."""
-    assert run.plot() == "figure"
+    html = run.plot()._repr_html_()
+    assert 'fill="currentColor"' in html  # legible in a dark notebook
+    assert "#ffffff" not in html
     plots, cases, more = drawn
     assert (names_of(plots), cases, more) == (["Place", "Loop", "Mixed"], CASES, ([], True))
     assert [(plot[1], plot[2]) for plot in plots] == [("mm", ""), ("mN", "mm"), ("", "")]

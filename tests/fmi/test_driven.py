@@ -59,6 +59,7 @@ def test_held_between_rows(tmp_path, build):
         ("", "command.csv: is empty."),
         ("t,x\n0,1\n", "command.csv:1: expected a column `time` and rows below the header."),
         ("time,x\n", "command.csv:1: expected a column `time` and rows below the header."),
+        ("time,x\n0,1_000\n", "command.csv:2: x is '1_000', expected a number."),
         ("time,x\n0,a\n", "command.csv:2: x is 'a', expected a number."),
         ("time,x\n1,0\n0,0\n", "command.csv:3: time 0 is before 1. Sort the rows."),
         ("time,x,x\n0,1,2\n", "command.csv:1: column 'x' stands there twice."),

@@ -67,6 +67,8 @@ def test_scalars(kind, value, expected):
         ("Int8", "-129", "w: x is a int8: -129 is out of range."),
         ("UInt8", -1, "w: x is a uint8: -1 is out of range. Give 0 to 255."),
         ("Int32", 1.5, "w: x is a whole number (int32), not 1.5. Write it like 3."),
+        ("Float64", "1_000", "w: x is a number, not '1_000'."),
+        ("Int32", "1_000", "w: x is a whole number (int32), not '1_000'."),
         ("Int32", "1.0", "w: x is a whole number (int32), not '1.0'."),
         ("Int32", True, "w: x is a whole number (int32), not True."),
         ("Boolean", "yes", "w: x is Boolean, not 'yes'. Write true or false."),

@@ -60,6 +60,7 @@ def test_columns_are_converted_to_their_own_units(
         ("travel_mm,count\n", "a.csv: has no readings below its header. Give one line for each."),
         ("travel_mm,count\n1,2\nx,3\n", "a.csv:3: travel_mm is 'x', expected a number."),
         ("travel_mm;count\n1,5;2\n", "a.csv:2: travel_mm is '1,5', expected a number. Write a decimal point."),
+        ("travel_mm,count\n1,2\n1_000,3\n", "a.csv:3: travel_mm is '1_000', expected a number."),
         ("travel_mm,count\n1\n", "a.csv:2: count is '', expected a number."),
         ("travel_mm,count\n1,inf\n", "a.csv:2: count is inf, expected a finite number. Leave the line out."),
         ("travel_mm [N],count\n1,2\n", "a.csv: "),

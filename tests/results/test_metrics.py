@@ -76,6 +76,8 @@ def test_expressions(text: str, expected: np.ndarray) -> None:
         ("'a'", "cannot be used"),
         ("a.b < 1", "cannot be used"),
         ("True", "cannot be used"),
+        ("a.count - 9007199254740993", "`9007199254740993` has more digits than the 15 to 17 of a number here"),
+        (f"a.force + {'9' * 320}", "`99999999999999999999...` has more digits than"),
         ("", "expected an expression"),
         ("(" * 300, "is not an expression"),
         ("a.b+" * 200 + "1", "is too long"),

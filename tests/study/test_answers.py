@@ -22,7 +22,7 @@ from twin.study import Answers, headline, load_study, percent
 from twin.study.answers import plots, sensitivity, tables
 from twin.study.answers.page import linked
 from twin.study.answers.paired import mean_interval
-from twin.study.answers.sentences import lowest_pass_rate
+from twin.study.answers.sentences import effect_text, lowest_pass_rate
 from twin.study.answers.statistics import above, in_order, quantile, wilson
 from twin.study.execution.case_engine import Row
 from twin.study.execution.case_table import CaseTable
@@ -97,6 +97,22 @@ def test_morris_finds_the_slopes(tmp_path):
     assert effects == pytest.approx({"heart.rate": 3.0, "heart.scale": 1.0, "bent end": 0.0}, abs=1e-6)
 
 
+@every_case("method", ["latin_hypercube", "morris", "sensitivity"])
+def test_intervals_of_effects_have_the_confidence_of_the_study(tmp_path, monkeypatch, method):
+    count = 20 if method == "latin_hypercube" else 16
+    cases = made(tmp_path, method, count, lambda u: u[0] + 3.0 * u[0] * u[1] + u[1] ** 2)
+    (wide,) = sensitivity.drivers(cases)
+    monkeypatch.setattr(cases.study.keys, "confidence", 0.5)
+    (narrow,) = sensitivity.drivers(cases)
+    for name in ("heart.rate", "heart.scale"):
+        first, second = (next(one for one in found.effects if one.factor == name) for found in (wide, narrow))
+        assert np.ptp(second.first_interval) < 0.5 * np.ptp(first.first_interval)
+        assert second.first == first.first
+        assert second.p_value == pytest.approx(first.p_value)
+    effect = narrow.effects[0]
+    assert "50 % confidence interval" in effect_text(Answers(cases), narrow, effect)
+
+
 @every_case(("method", "count"), [("sensitivity", 16), ("morris", 10)])
 def test_cases_that_are_no_independent_samples_have_no_interval(tmp_path, method, count):
     answers = Answers(made(tmp_path, method, count, lambda u: 4.0 * u[0]))
@@ -129,7 +145,7 @@ def test_a_missed_metric_without_a_cause_is_said(tmp_path):
     causes = [sentence.text for sentence in headline(answers) if sentence.topic == "Causes"]
     assert causes == [
         "force_max with plain fails in some cases; no factor's effect on it differs from chance.",
-        "force_max with soft correlates most with heart.rate (rank correlation 1.00, 95 % confidence interval 1.00 to 1.00).",
+        "force_max with soft correlates most with heart.rate (rank correlation 1.00, 95 % confidence interval 0.995 to 1.00).",
     ]
 
 

@@ -304,6 +304,23 @@ def test_a_mistake_is_told(tmp_path, changes, text):
         loaded(tmp_path, changed)
 
 
+TUNE = "tune: {metric: motion, knobs: {wall.damping: {from: 1 N*s/m, to: 2 N*s/m}}, trials: 2, "
+
+
+@every_case(
+    ("search", "place"),
+    [
+        ("worst: {metric: motion}", "worst.metric"),
+        (f"{TUNE}}}", "tune.metric"),
+        (f"{TUNE.replace('motion', 'force_max')}limits: [{{metric: motion, at_most: 1 mm}}]}}", r"tune.limits\[1\]"),
+    ],
+)
+def test_a_search_needs_a_metric_of_its_variant(tmp_path, search, place):
+    scenario = SCENARIO.replace("from: 1 s, unit: mm", "from: 1 s, unit: mm, variants: [soft]")
+    with pytest.raises(ScenarioError, match=f"{place}: `motion` has no value with plain, only with soft"):
+        load_study(study_file(tmp_path, f"{STUDY}{search}\n", scenario))
+
+
 def test_a_search_needs_a_metric_whose_window_the_cases_reach(tmp_path):
     scenario = SCENARIO.replace("from: 1 s, unit: mm", "from: 1 s, to: 1.4 s, unit: mm")
     text = f"{STUDY}set: {{stop_time: 1.2 s}}\nworst: {{metric: motion}}\n"

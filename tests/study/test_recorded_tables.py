@@ -38,6 +38,7 @@ def test_cells_are_numbers():
     ("cells", "may_be_missing", "message"),
     [
         ((["1"], [""]), False, r"^a\.csv:3: a is '', expected a number"),
+        ((["1_000"],), False, r"^a\.csv:2: a is '1_000', expected a number"),
         ((["1"], []), False, r"^a\.csv:3: a is '', expected a number"),
         ((["nan"], ["x"]), False, r"^a\.csv:2: a is nan, expected a finite number"),
         (([""], ["nan"], ["x"]), True, r"^a\.csv:4: a is 'x', expected a number"),

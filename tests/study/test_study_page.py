@@ -33,12 +33,17 @@ def report(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_narrow_screen_scrolls_tables_and_shows_whole_plots(browser, report):  # noqa: F811
+def test_a_narrow_screen_scrolls_tables_and_plots_with_legible_letters(browser, report):  # noqa: F811
     shown = browser.new_page(viewport={"width": 360, "height": 800})
     shown.goto(f"file://{report}")
     assert shown.evaluate("document.documentElement.scrollWidth") <= 360
     assert shown.locator("#cases .scroll").evaluate("box => box.scrollWidth > box.clientWidth")
-    assert not shown.locator("#pictures figure").first.evaluate("box => box.scrollWidth > box.clientWidth")
+    plot = shown.locator("#pictures figure").first
+    assert plot.evaluate("box => box.scrollWidth > box.clientWidth")
+    letters = plot.locator("svg text").evaluate_all("all => all.map(text => text.getBoundingClientRect().height)")
+    assert min(letters) >= 9.0
+    plot.evaluate("box => { box.scrollLeft = 300; }")
+    assert plot.locator("figcaption").bounding_box()["x"] >= 0.0  # the caption stays
     signs = shown.locator("#cases .sideways, #pictures figure .sideways")
     assert {text for text in signs.all_inner_texts() if text} == {"Wider than the page: scroll sideways →"}
     cell = shown.locator("#cases tbody td").first
@@ -46,6 +51,7 @@ def test_a_narrow_screen_scrolls_tables_and_shows_whole_plots(browser, report): 
     shown.locator("#cases .scroll").evaluate("box => { box.scrollLeft = 200; }")
     assert cell.bounding_box()["x"] == pytest.approx(before, abs=1.0)  # the number of the case stays
     assert "1234 s" in shown.inner_text(".facts")
+    assert "that end holds with 97.5 % confidence" in shown.inner_text("#spreads")
     shown.close()
 
 

@@ -250,6 +250,10 @@ def conversion(source: str, target: str, what: str) -> tuple[float, float]:
         raise CouplingError(f"{what}: {error}".removeprefix(": ")) from None
     if not same_kind(a, b):
         raise CouplingError(f"{what}: {source} does not convert to {target}. Connect quantities of one kind.")
+    if "%" in source + target and a.exponents != b.exponents:
+        raise CouplingError(
+            f"{what}: {source} does not convert to {target}: an angle has no percent.".removeprefix(": ")
+        )
     if turns := cycles_or_angles(source, target):
         raise CouplingError(f"{what}: {turns}".removeprefix(": "))
     return round_trip(a.factor / b.factor), (a.offset - b.offset) / b.factor

@@ -302,20 +302,20 @@ class Run:
             if variant in (as_list(variants) or self.variants) and seed in (as_list(seeds) or self.seeds)
         }
         if not chosen:
-            raise TwinError(
-                f"{self.folder}: nothing was run with these variants and seeds. "
-                + (
-                    f"Known: {', '.join(quote_names(self.variants))}."
-                    if self.variants
-                    else f"The run failed: {self.reason}"
-                )
+            remedy = (
+                f"Known: {', '.join(quote_names(self.variants))}."
+                if self.variants
+                else f"The run failed: {self.reason}"
             )
+            raise TwinError(f"{self.folder}: nothing was run with these variants and seeds. {remedy}")
         marks = [row.annotation for row in event_rows(self._checked.variants, self.summary.get("conditions", ()))]
         if interactive is None:
             interactive = in_notebook() and is_plotly_installed()
         draw = interactive_figure if interactive else partial(plotting.plot_figure, titled=True)
         if (figure := draw(plots, chosen, marks)) is None:
             raise TwinError(f"{self.folder}: none of the signals was recorded in these variants. Choose others.")
+        if not interactive:
+            figure._repr_html_ = partial(notebook.figure, figure)
         return figure
 
     def _chosen_plots(self, what: Sequence[str]) -> list[Plot]:

@@ -94,7 +94,7 @@ class StudyResult:
 
     @property
     def expectations(self) -> pd.DataFrame:
-        """A row for each expectation and variant: met and judged cases, pass rate with its 95 % interval, failing cases."""
+        """A row for each expectation and variant: met and judged cases, pass rate with its confidence interval, failing cases."""
         names = {"name": "name", "variant": "variant", "met_count": "met", "count": "count", "part": "pass rate"}
         names |= {"low": "low", "high": "high", "failing": "failing cases"}
         rows = [{names[key]: share[key] for key in names} for share in self.answers["expectations"]]

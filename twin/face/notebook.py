@@ -111,6 +111,11 @@ def plot(svg: str) -> str:
     return f"<div class=plot>{figure_files.TAG.sub(recolor, svg)}</div>" if svg else ""
 
 
+def figure(matplotlib_figure: Any) -> str:
+    """Return a figure of matplotlib for a notebook: in the colors of its surroundings, so also on a dark page."""
+    return page(plot(matplotlib_figure._repr_svg_()))
+
+
 def line(tag: str, cells: Iterable[tuple[str, str]]) -> str:
     """Return a row of cells with their classes."""
     return f"<tr>{''.join(f'<{tag} class={kind}>{text}</{tag}>' for text, kind in cells)}</tr>"

@@ -11,7 +11,7 @@ import numpy as np
 from twin import clock
 from twin.component import unit
 from twin.errors import FMUError, TwinError
-from twin.files import read_csv, split_unit
+from twin.files import parse_float, read_csv, split_unit
 from twin.fmi import values
 
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ def read_times(path: str, lines: list[tuple[int, list[Any]]], time_column: int, 
     """Times [s], which must not run backward."""
     factor = unit.conversion(unit_name, "s", f"{path}: time")[0]
     with suppress(TypeError, ValueError):
-        times = np.array([float(cells[time_column]) for _, cells in lines]) * factor
+        times = np.array([parse_float(cells[time_column]) for _, cells in lines]) * factor
         if np.isfinite(times).all() and (np.diff(times) >= 0.0).all():
             return times
     times = np.empty(len(lines))  # once more, to say what is wrong in which line
@@ -139,7 +139,7 @@ def read_times(path: str, lines: list[tuple[int, list[Any]]], time_column: int, 
 def number(text: Any, what: str) -> float:
     """A finite number."""
     try:
-        value = float(text)
+        value = parse_float(text)
     except (TypeError, ValueError):
         raise FMUError(f"{what} is {text!r}, expected a number. Write it like 1.5e-3.") from None
     if not np.isfinite(value):

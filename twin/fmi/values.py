@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import FMUError, nearest
+from twin.files import parse_float
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -121,7 +122,7 @@ def scalar_of(variable: MemberVariable, items: Items, what: str) -> Callable[[An
 def real(value: Any, name: str, dtype: np.dtype[Any]) -> float:
     """A float; one too large for Float32 is an error, not infinity."""
     try:
-        number = float("true" if isinstance(value, bool | np.bool_) else value)
+        number = parse_float("true" if isinstance(value, bool | np.bool_) else value)
     except (TypeError, ValueError):
         raise FMUError(f"{name} is a number, not {value!r}. Write it like 1.5e-3.") from None
     largest = float(np.finfo(dtype).max)  # compared as Float64: NumPy would warn of an overflow
@@ -134,7 +135,7 @@ def integer(value: Any, name: str, dtype: np.dtype[Any]) -> int:
     """A whole number in the range of its type."""
     limits = np.iinfo(dtype)
     try:
-        number = int(value)
+        number = None if isinstance(value, str) and "_" in value else int(value)
     except (TypeError, ValueError, OverflowError):
         number = None
     if number is None or isinstance(value, bool | np.bool_) or (not isinstance(value, str) and number != value):

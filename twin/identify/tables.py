@@ -32,7 +32,7 @@ def numbers(rows: Rows, header: Sequence[str], index: int, shown: str, *, may_be
         cells = [cell if cell.strip() else "nan" for cell in cells]
     try:
         values = np.array(cells, dtype=np.str_).astype(np.float64) if cells else np.zeros(0)
-        is_valid = may_be_missing or bool(np.isfinite(values).all())
+        is_valid = (may_be_missing or bool(np.isfinite(values).all())) and not any("_" in cell for cell in cells)
     except ValueError:
         is_valid = False
     if is_valid:

@@ -22,7 +22,7 @@ import numpy as np
 
 from twin.component import unit
 from twin.errors import CouplingError, TwinError, nearest
-from twin.files import read_csv
+from twin.files import parse_float, read_csv
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -107,7 +107,7 @@ def parse_cell(row: list[str], index: int, header: list[str], where: str) -> flo
     """Parse a finite number."""
     text = row[index].strip() if index < len(row) else ""
     try:
-        value = float(text)
+        value = parse_float(text)
     except ValueError:
         hint = " Write a decimal point." if "," in text else ""
         raise TwinError(f"{where}: {header[index]} is {text!r}, expected a number.{hint}") from None

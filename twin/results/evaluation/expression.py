@@ -115,7 +115,11 @@ def collect_signals(node: ast.expr, text: str, signals: dict[str, SignalReferenc
     """Collect the signals of a node; ScenarioError for nodes that `evaluate` does not support."""
     match node:
         case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
-            return
+            if isinstance(value, int) and not is_exact(value):
+                digits = f"{str(value)[:20]}{'...' * (value >= 10**20)}"
+                raise ScenarioError(
+                    f"`{digits}` has more digits than the 15 to 17 of a number here. Write fewer, or 1e20"
+                )
         case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
             collect_signals(operand, text, signals)
         case ast.BinOp(left=left, op=operator, right=right) if type(operator) in OPERATORS:
@@ -133,6 +137,14 @@ def collect_signals(node: ast.expr, text: str, signals: dict[str, SignalReferenc
             signals[str(signal)] = signal
         case _:
             raise ScenarioError(f"`{text.strip()}`: `{ast.unparse(node)[:40]}` cannot be used. {SYNTAX_HINT}")
+
+
+def is_exact(value: int) -> bool:
+    """Return whether a whole number is a 64-bit floating-point number without loss of digits."""
+    try:
+        return int(float(value)) == value
+    except OverflowError:
+        return False
 
 
 def node_signal(node: ast.expr) -> SignalReference:

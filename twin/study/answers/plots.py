@@ -155,9 +155,10 @@ def histograms(cases: CaseTable, metric: str, unit: str) -> str:
 
 
 def bin_edges(values: Array) -> Array:
-    """Edges of 60 bins from the smallest value to the 99.5 % quantile: one far value does not squeeze the others."""
+    """Edges of 10 to 60 bins, more for more values, from the smallest to the 99.5 % quantile: a far value squeezes no others."""
     low, high = float(values.min()), float(np.quantile(values, 0.995))
-    return np.linspace(low, high if high > low else low + abs(low) + 1e-12, 61)
+    bins = min(max(round(2 * np.sqrt(len(values))), 10), 60)
+    return np.linspace(low, high if high > low else low + abs(low) + 1e-12, bins + 1)
 
 
 def bands(folder: Path, cases: CaseTable, name: str, index: int) -> str:

@@ -19,13 +19,12 @@ if TYPE_CHECKING:
 
 RESAMPLES = 200
 FEWEST = 8  # samples from which ranks tell anything
-Z = 1.959963984540054  # of 95 %
 NO_INTERVAL = (float("nan"), float("nan"))
 
 
 @dataclass(frozen=True)
 class Effect:
-    """How a factor drives a metric, each measure with its 95 % interval.
+    """How a factor drives a metric, each measure with its interval of the study's confidence.
 
     `first` and `total`: Sobol indices; of Morris mean absolute effect and deviation of effects, SI; else Spearman's rank
     correlation, and nothing. `p_value`: of the hypothesis of no effect, on `total` of Sobol, else on `first`.
@@ -100,7 +99,10 @@ def driven(study: Study, metric: str, variant: str, inputs: Array, output: Array
         output = output.reshape(len(study.design.values), -1).mean(axis=1)
         return MetricSensitivity(metric, variant, *(sobol if kind == "sensitivity" else morris)(study, output), note)
     seeds = len(study.seeds(1))
-    effects = [ranked(factor.name, inputs[good, k], output[good], seeds) for k, factor in enumerate(study.factors)]
+    effects = [
+        ranked(factor.name, inputs[good, k], output[good], study.keys.confidence, seeds)
+        for k, factor in enumerate(study.factors)
+    ]
     return MetricSensitivity(metric, variant, "rank", by_size(effects))
 
 
@@ -109,7 +111,12 @@ def by_size(effects: list[Effect]) -> tuple[Effect, ...]:
     return tuple(sorted(effects, key=lambda effect: -abs(effect.first if np.isnan(effect.total) else effect.total)))
 
 
-def ranked(name: str, values: Array, output: Array, seeds: int = 1) -> Effect:
+def half_width(confidence: float) -> float:
+    """Return half the width of a two-sided interval of a normal distribution, in standard deviations."""
+    return float(stats.norm.ppf((1 + confidence) / 2))
+
+
+def ranked(name: str, values: Array, output: Array, confidence: float = 0.95, seeds: int = 1) -> Effect:
     """Spearman's rank correlation, with the interval of Fisher's z (Bonett and Wright, Psychometrika 65, 2000).
 
     `seeds`: cases of each sample, which are not independent. The inner end of a correlation of 1 is that of the next smaller one, which two neighboring ranks in reverse order give.
@@ -122,7 +129,8 @@ def ranked(name: str, values: Array, output: Array, seeds: int = 1) -> Effect:
         return Effect(name, rho, (-1.0, 1.0), p_value=1.0)
     largest = 1 - 12 / (count * (count * count - 1))
     z, deviation = np.arctanh(np.clip(rho, -largest, largest)), np.sqrt((1 + rho * rho / 2) / (count - 3))
-    low, high = np.tanh([z - Z * deviation, z + Z * deviation])
+    half = half_width(confidence) * deviation
+    low, high = np.tanh([z - half, z + half])
     interval = (-1.0 if rho < -largest else float(low), 1.0 if rho > largest else float(high))
     return Effect(name, rho, interval, p_value=2 * float(stats.norm.sf(abs(z) / deviation)))
 
@@ -132,11 +140,11 @@ def around(value: float, half: float) -> tuple[float, float]:
     return value - half, value + half
 
 
-def p_value(value: float, half: float) -> float:
-    """Two-sided p value of a normal estimate with half the width of its 95 % interval."""
+def p_value(value: float, half: float, confidence: float) -> float:
+    """Two-sided p value of a normal estimate with half the width of its interval."""
     if half == 0.0:
         return float(value == 0.0)
-    return 2 * float(stats.norm.sf(Z * abs(value) / half))
+    return 2 * float(stats.norm.sf(half_width(confidence) * abs(value) / half))
 
 
 def sobol(study: Study, output: Array) -> tuple[str, tuple[Effect, ...]]:
@@ -148,12 +156,20 @@ def sobol(study: Study, output: Array) -> tuple[str, tuple[Effect, ...]]:
         (output - output.mean()) / scale,
         calc_second_order=False,
         num_resamples=RESAMPLES,
+        conf_level=study.keys.confidence,
         seed=study.keys.samples.seed,
     )
     names = [factor.name for factor in study.factors]
     rows = zip(names, *(indices[key].tolist() for key in ("S1", "S1_conf", "ST", "ST_conf")), strict=True)
     effects = [
-        Effect(name, first, around(first, first_half), total, around(total, half), p_value(total, half))
+        Effect(
+            name,
+            first,
+            around(first, first_half),
+            total,
+            around(total, half),
+            p_value(total, half, study.keys.confidence),
+        )
         for name, first, first_half, total, half in rows
     ]
     return "sobol", by_size(effects)
@@ -168,12 +184,14 @@ def morris(study: Study, output: Array) -> tuple[str, tuple[Effect, ...]]:
         output,
         num_levels=4,
         num_resamples=RESAMPLES,
+        conf_level=study.keys.confidence,
         seed=study.keys.samples.seed,
     )
     names = [factor.name for factor in study.factors]
     rows = zip(names, *(np.asarray(indices[key]).tolist() for key in ("mu_star", "mu_star_conf", "sigma")), strict=True)
     effects = [
-        Effect(name, mean, around(mean, half), sigma, p_value=p_value(mean, half)) for name, mean, half, sigma in rows
+        Effect(name, mean, around(mean, half), sigma, p_value=p_value(mean, half, study.keys.confidence))
+        for name, mean, half, sigma in rows
     ]
     return "morris", tuple(sorted(effects, key=lambda effect: -effect.first))
 

@@ -290,19 +290,28 @@ def holm_note(answers: Answers) -> str:
         return ""
     return (
         f"The sentences at the top name a factor only where Holm's method at {percent(FAMILY_LEVEL)} over {count} tests (each factor on "
-        "each judged metric of each variant) excludes chance. The 95 % confidence intervals hold for each bar by itself."
+        f"each judged metric of each variant) excludes chance. The {percent(answers.study.keys.confidence)} confidence intervals hold for each bar by itself."
     )
 
 
 def effect_text(answers: Answers, driver: MetricSensitivity, effect: Effect) -> str:
     """Return the size of an effect: `rank correlation -0.62, 95 % confidence interval -0.90 to -0.10`."""
+    level = percent(answers.study.keys.confidence)
     if driver.kind == "morris":
         own = common_format([effect.first, *effect.first_interval], answers.study.metrics[driver.metric].unit, True)
         low, high = map(own.number, effect.first_interval)
-        return f"mean effect {own.text(effect.first)}, 95 % confidence interval {low} to {high}"
+        return f"mean effect {own.text(effect.first)}, {level} confidence interval {low} to {high}"
     name, key = ("total Sobol index", "total") if driver.kind == "sobol" else ("rank correlation", "first")
-    low, high = getattr(effect, f"{key}_interval")
-    return f"{name} {getattr(effect, key):.2f}, 95 % confidence interval {low:.2f} to {high:.2f}"
+    low, high = map(index_text, getattr(effect, f"{key}_interval"))
+    return f"{name} {index_text(getattr(effect, key))}, {level} confidence interval {low} to {high}"
+
+
+def index_text(value: float) -> str:
+    """Return a correlation or an index with two decimals, with more where it would become 1.00 although it is not 1."""
+    digits = 2
+    while digits < 6 and abs(value) < 1.0 and abs(round(value, digits)) == 1.0:
+        digits += 1
+    return f"{value:.{digits}f}"
 
 
 def judged_metrics(answers: Answers) -> list[str]:

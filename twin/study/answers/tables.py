@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from twin.study.answers.statistics import MetricDistribution
     from twin.study.answers.summary import Answers
     from twin.study.design import Factor
+    from twin.study.execution.case_engine import Row
     from twin.study.execution.study_runner import StudyOutcome
 
 ALL = 200  # cases of a study that is shown in whole
@@ -27,9 +28,9 @@ MOST = 200  # cases of a larger one: those that the page names, then others that
 MAX_VALUES = 8  # of a factor, that are named
 
 
-def cell(text: str = "", value: float = float("nan"), kind: str = "", more: str = "") -> dict[str, Any]:
-    """A cell; what it is sorted by is nothing where there is no value. `kind`: good, bad; `more`: in smaller letters."""
-    return {"text": text, "value": float(value) if np.isfinite(value) else None, "kind": kind, "more": more}
+def cell(text: str = "", value: float = float("nan"), kind: str = "", more: str = "", tip: str = "") -> dict[str, Any]:
+    """A cell; what it is sorted by is nothing where there is no value. `kind`: good, bad; `more`: in smaller letters; `tip`: at the pointer."""
+    return {"text": text, "value": float(value) if np.isfinite(value) else None, "kind": kind, "more": more, "tip": tip}
 
 
 def bare(answers: Answers, name: str, value: float) -> str:
@@ -63,10 +64,11 @@ def variants(answers: Answers) -> dict[str, Any]:
     judged = list(dict.fromkeys(share.name for share in answers.shares if share.variant in study.variants))
     rows: list[dict[str, Any]] = []
     for variant in study.variants:
-        cells = [quantiles(answers, spreads.get((variant, name))) for name in study.metrics]
+        cells = [quantiles(answers, name, variant, spreads.get((variant, name))) for name in study.metrics]
         for name in judged:
             own = shares.get((variant, name))
-            cells.append(cell(percent(own.part), own.part, "pass" if own.part == 1.0 else "fail") if own else cell())
+            verdict = "pass" if own and own.part == 1.0 else "fail"
+            cells.append(cell(percent(own.part), own.part, verdict) if own else cell("-"))
         is_bad = any(cell["kind"] == "fail" for cell in cells)
         rows.append({"name": variant, "unit": "", "meaning": "", "cells": cells, "bad": is_bad})
     heads = [*columns(answers), *((name, "pass rate", "") for name in judged)]
@@ -82,14 +84,25 @@ def variants(answers: Answers) -> dict[str, Any]:
     return {"of": "metric", "columns": names, "rows": metric_rows, "worth": is_worth}
 
 
-def quantiles(answers: Answers, spread: MetricDistribution | None) -> dict[str, Any]:
-    """The quantile in the middle, and below it the first and the last."""
+def quantiles(answers: Answers, name: str, variant: str, spread: MetricDistribution | None) -> dict[str, Any]:
+    """Return the cell of a metric: the quantile in the middle, and below it the first and the last, or why there are none."""
     if spread is None or not spread.quantiles:
-        return cell()
+        return cell("-", kind="empty", more=why_no_value(answers, name, variant))
     values = [quantile.value for quantile in spread.quantiles]
     middle, ends = values[len(values) // 2], [bare(answers, spread.metric, value) for value in (values[0], values[-1])]
     more = " to ".join(ends) if len(values) > 1 else ""
     return cell(bare(answers, spread.metric, middle), in_unit(answers, spread.metric, middle), "", more)
+
+
+def why_no_value(answers: Answers, name: str, variant: str) -> str:
+    """Return why a metric has no value in any case of a variant, or in one of its complete cases."""
+    own = answers.study.metrics[name].variants
+    if own and variant not in own:
+        return f"only with {', '.join(own)}"
+    reasons = (
+        entry.why for entry in answers.left_out if entry.name == name and variant in (entry.variants or [variant])
+    )
+    return next(reasons, "no value")
 
 
 def named(answers: Answers, examples: int, more: Iterable[int]) -> list[int]:
@@ -129,7 +142,10 @@ def singles(outcome: StudyOutcome, answers: Answers, numbers: Iterable[int]) -> 
                 "variant": request.variant,
                 "seed": request.seed,
                 "cells": [factor_cell(study.all_factors[k], request.all_values[k]) for k in varied]
-                + [metric_cell(answers, name, float(cases.metric(name)[i])) for name in study.metrics],
+                + [
+                    metric_cell(answers, name, float(cases.metric(name)[i]), request.variant, row)
+                    for name in study.metrics
+                ],
                 "failed": f"did not finish: {row.why}" if row.status != DONE else ", ".join(broken),
                 "verdict": passes,
                 "run": outcome.runs.get(request.number, ""),
@@ -147,9 +163,11 @@ def factor_cell(factor: Factor, value: float) -> dict[str, Any]:
     return cell(f"{own:.4g}" if np.isfinite(own) else "-", own)
 
 
-def metric_cell(answers: Answers, name: str, value: float) -> dict[str, Any]:
-    """A cell with a metric's value in the unit above it."""
-    return cell(bare(answers, name, value), in_unit(answers, name, value))
+def metric_cell(answers: Answers, name: str, value: float, variant: str, row: Row) -> dict[str, Any]:
+    """Return a cell with a metric's value in the unit above it; without a value, its tip says why."""
+    if np.isfinite(value):
+        return cell(bare(answers, name, value), in_unit(answers, name, value))
+    return cell("-", tip=why_no_value(answers, name, variant) if row.status == DONE else "did not finish")
 
 
 def open_command(address: str, number: int, recorded: Container[int]) -> str:

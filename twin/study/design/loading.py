@@ -66,16 +66,16 @@ class StudyLoader(KeyFile):
         self.scenario = self._scenario()
         self.variants = self._variants()
         self.catalog = self._catalog(self.catalogs)
-        factors = [self._factor(name, one) for name, one in keys.vary.items()]
+        factors = [self._factor(name, factor_keys) for name, factor_keys in keys.vary.items()]
         factors += self._estimates()
-        self._refuse_twice([one for one in factors if one])
+        self._refuse_twice([factor for factor in factors if factor])
         self._refuse_metrics()
         self.stop_if_wrong()
-        valid_factors = [one for one in factors if one]
+        valid_factors = [factor for factor in factors if factor]
         correlation = self._correlation(valid_factors)
         self._refuse_method(valid_factors, correlation)
         self._refuse_times(valid_factors)
-        bands = {name: self._expression(one.signal, "keep", "bands", name) for name, one in keys.keep.bands.items()}
+        bands = {name: self._expression(band.signal, "keep", "bands", name) for name, band in keys.keep.bands.items()}
         knobs, limits = self._knobs(), self._limits()
         self.stop_if_wrong()
         samples = keys.samples
@@ -88,8 +88,8 @@ class StudyLoader(KeyFile):
             tuple(valid_factors),
             correlation,
             design(samples.method, samples.count, samples.seed, valid_factors, correlation),
-            {name: one for name, one in bands.items() if one},
-            {k: one.unit for k, one in keys.keep.bands.items()},
+            {name: signal for name, signal in bands.items() if signal},
+            {k: band.unit for k, band in keys.keep.bands.items()},
             tuple(knobs),
             tuple(limits),
         )
@@ -151,7 +151,7 @@ class StudyLoader(KeyFile):
         return Factor(name, sets, tuple(keys.scales), distribution, symbol, shown_in, keys.source, where, keys.at)
 
     def _distribution(self, name: str, keys: FactorKeys, symbol: str) -> Distribution | None:
-        given = [one for one in DISTRIBUTIONS if getattr(keys, one) is not None]
+        given = [kind for kind in DISTRIBUTIONS if getattr(keys, kind) is not None]
         if len(given) != 1:
             what = (
                 f"{given[0]} and {given[1]} are given. Keep one" if given else f"has no distribution. Write `{EXAMPLE}`"
@@ -163,12 +163,14 @@ class StudyLoader(KeyFile):
         spread = kind == "log_normal"  # its second number is a ratio
         before = len(self.problems)
         numbers = [
-            self._number(one, "" if (spread or kind == "grid") and i == len(raw) - 1 else symbol, "vary", name, kind, i)
-            for i, one in enumerate(raw)
+            self._number(
+                value, "" if (spread or kind == "grid") and i == len(raw) - 1 else symbol, "vary", name, kind, i
+            )
+            for i, value in enumerate(raw)
         ]
         low, high = (
-            default if one is None else self._number(one, symbol, "vary", name, key)
-            for key, one, default in (("from", keys.low, -np.inf), ("to", keys.high, np.inf))
+            default if value is None else self._number(value, symbol, "vary", name, key)
+            for key, value, default in (("from", keys.low, -np.inf), ("to", keys.high, np.inf))
         )
         if len(self.problems) > before:
             return None
@@ -177,7 +179,7 @@ class StudyLoader(KeyFile):
         if wrong := wrong_numbers(kind, numbers, low, high):
             self.add_problem(wrong, "vary", name)
             return None
-        return Distribution(kind, tuple(float(one) for one in numbers), low, high)
+        return Distribution(kind, tuple(float(value) for value in numbers), low, high)
 
     def _number(self, raw: Any, symbol: str, *path: str | int) -> float:
         """A number in a unit; what is wrong with it is told."""
@@ -195,15 +197,15 @@ class StudyLoader(KeyFile):
         """What `twin identify` found: normal with its covariance, between the bounds; what had no effect stays as it is."""
         factors: list[Factor | None] = []
         self._correlations: list[tuple[list[str], Any]] = []
-        for i, one in enumerate(self.keys.estimates):
+        for i, entry in enumerate(self.keys.estimates):
             try:
-                estimate = read_estimate(self.path.parent / one.file)
+                estimate = read_estimate(self.path.parent / entry.file)
             except ScenarioError as error:
                 self.add_problem(error, "estimates", i)
                 continue
             names = []
             for k, unknown in enumerate(estimate.names):
-                path = one.names.get(unknown, unknown)
+                path = entry.names.get(unknown, unknown)
                 if path.partition(".")[0] not in self.catalog or not estimate.covariance[k, k]:
                     continue  # a delay of a measurement, a member that is not here, or what had no effect there
                 try:
@@ -214,7 +216,7 @@ class StudyLoader(KeyFile):
                 deviation = float(np.sqrt(estimate.covariance[k, k]))
                 spread = Distribution("normal", (float(estimate.values[k]), deviation), *map(float, estimate.bounds[k]))
                 names.append((k, path))
-                factors.append(Factor(path, (path,), (), spread, unit, display, f"twin identify: {one.file}", ""))
+                factors.append(Factor(path, (path,), (), spread, unit, display, f"twin identify: {entry.file}", ""))
             indices = [k for k, _ in names]
             matrix = estimate.covariance[np.ix_(indices, indices)]
             deviations = np.sqrt(np.diag(matrix))
@@ -223,23 +225,23 @@ class StudyLoader(KeyFile):
             self._correlations.append(([path for _, path in names], correlation))
             if not names:
                 self.add_problem(
-                    f"nothing of {one.file} is in this scenario. Say by `names` what is what.", "estimates", i
+                    f"nothing of {entry.file} is in this scenario. Say by `names` what is what.", "estimates", i
                 )
         return factors
 
     def _correlation(self, factors: list[Factor]) -> Any:
         """Correlation of the factors' normal scores; None if all are independent."""
-        names = [one.name for one in factors]
+        names = [factor.name for factor in factors]
         matrix = np.eye(len(names))
         for own, block in self._correlations:
-            indices = [names.index(one) for one in own]
+            indices = [names.index(path) for path in own]
             matrix[np.ix_(indices, indices)] = block
-        for i, one in enumerate(self.keys.correlated):
-            if unknown := [name for name in one.factors if name not in names]:
+        for i, pair in enumerate(self.keys.correlated):
+            if unknown := [name for name in pair.factors if name not in names]:
                 self.add_problem(f"nothing called `{unknown[0]}` varies.{nearest(unknown[0], names)}", "correlated", i)
                 continue
-            a, b = (names.index(name) for name in one.factors)
-            matrix[a, b] = matrix[b, a] = one.coefficient
+            a, b = (names.index(name) for name in pair.factors)
+            matrix[a, b] = matrix[b, a] = pair.coefficient
         if np.array_equal(matrix, np.eye(len(names))):
             return None
         if names and np.linalg.eigvalsh(matrix).min() <= 1e-12:
@@ -250,7 +252,7 @@ class StudyLoader(KeyFile):
 
     def _refuse_method(self, factors: list[Factor], correlation: Any) -> None:
         method = self.keys.samples.method
-        if method in LISTED and (plain := [one for one in factors if not one.distribution.levels]):
+        if method in LISTED and (plain := [factor for factor in factors if not factor.distribution.levels]):
             self.add_problem(
                 f"{method} needs `values` or `grid`, and {plain[0].name} has neither. Give them.", "samples", "method"
             )
@@ -261,33 +263,33 @@ class StudyLoader(KeyFile):
         if method in (*LISTED, *INDEPENDENT) and not factors:
             self.add_problem(f"{method} has nothing to vary. Add `vary`.", "samples", "method")
         if method == "grid" and not self.problems:
-            count = int(np.prod([len(one.distribution.levels) for one in factors]))
+            count = int(np.prod([len(factor.distribution.levels) for factor in factors]))
             if count > LARGEST:
                 self.add_problem(f"the grid has {count:,} samples. Keep below {LARGEST:,}.", "samples")
 
     def _refuse_twice(self, factors: list[Factor]) -> None:
         first_uses: dict[tuple[str, Any], str] = {}
-        for one in factors:
-            for path in one.sets:
-                if first := first_uses.get((path, one.at_ns)):
-                    self.add_problem(f"{path} is set by `{first}` too. Keep one of them.", "vary", one.name)
-                first_uses[path, one.at_ns] = one.name
+        for factor in factors:
+            for path in factor.sets:
+                if first := first_uses.get((path, factor.at_ns)):
+                    self.add_problem(f"{path} is set by `{first}` too. Keep one of them.", "vary", factor.name)
+                first_uses[path, factor.at_ns] = factor.name
 
     def _refuse_times(self, factors: list[Factor]) -> None:
         """Refuse factors that cannot take effect at their time in one of the variants."""
-        for case in (one for one in self.scenario.variants if one.variant in self.variants):
+        for case in (case for case in self.scenario.variants if case.variant in self.variants):
             catalog = self.catalogs[case.variant]
             targets = {connection.target for connection in case.system(catalog).single()[0]}
-            for one, time_ns in ((one, one.at_ns) for one in factors if one.at_ns is not None):
-                events = Assignment(case, catalog, [one]).events(list(one.distribution.values(np.array([0.5]))))
+            for factor, time_ns in ((factor, factor.at_ns) for factor in factors if factor.at_ns is not None):
+                events = Assignment(case, catalog, [factor]).events(list(factor.distribution.values(np.array([0.5]))))
                 problems = check_events(replace(case, events=(*case.events, *events)))
                 wrong = (problem for event in events for problem in event_problems(event, catalog, targets))
                 problems += [f"{problem} Or leave `at` out." for problem in wrong]
                 changed = {event.variable for event in case.actions if event.time_ns <= time_ns}
-                if before := changed.intersection(one.scales):
+                if before := changed.intersection(factor.scales):
                     problems.append(f"{min(before)} is changed by an event of the scenario before. Use `sets`.")
                 for problem in dict.fromkeys(problems):
-                    self.add_problem(problem.removeprefix(f"{one.where}: "), "vary", one.name, "at")
+                    self.add_problem(problem.removeprefix(f"{factor.where}: "), "vary", factor.name, "at")
 
     def _expression(self, text: str, *path: str | int) -> Any:
         try:
@@ -295,10 +297,10 @@ class StudyLoader(KeyFile):
         except ScenarioError as error:
             self.add_problem(error, *path)
             return None
-        for one in parsed.signals:
-            if one.name.partition(".")[0] not in self.catalog:
+        for signal in parsed.signals:
+            if signal.name.partition(".")[0] not in self.catalog:
                 self.add_problem(
-                    f"there is no member `{one.name.partition('.')[0]}`.{nearest(one.name, self.catalog)}", *path
+                    f"there is no member `{signal.name.partition('.')[0]}`.{nearest(signal.name, self.catalog)}", *path
                 )
         return parsed
 
@@ -313,74 +315,81 @@ class StudyLoader(KeyFile):
                 continue
             own = search.variant or self.variants[0]
             if search.metric not in metrics:
-                self.add_problem(
-                    f"there is no metric `{search.metric}`.{nearest(search.metric, metrics)}", key, "metric"
-                )
+                unknown = f"there is no metric `{search.metric}`.{nearest(search.metric, metrics)}"
+                self.add_problem(unknown, key, "metric")
             if own not in self.variants:
                 self.add_problem(f"there is no variant `{own}`.{nearest(own, self.variants)}", key, "variant")
-            elif search.metric in metrics and is_cut(self.scenario, own, self.scenario.metrics[search.metric]):
-                text = f"the cases end before the window of `{search.metric}`. Raise stop_time."
-                self.add_problem(text, key, "metric")
-        if keys.worst and any(one.levels for one in (f.distribution for f in self._sampled())):
+            elif search.metric in metrics and (missing := self._why_no_value(search.metric, own)):
+                self.add_problem(missing, key, "metric")
+        if keys.worst and any(factor.distribution.levels for factor in self._sampled()):
             self.add_problem("a factor with `values` cannot be searched. Give it a distribution.", "worst")
+
+    def _why_no_value(self, name: str, variant: str) -> str:
+        """Return why a metric has no value in a variant; "" if it can have one."""
+        metric = self.scenario.metrics[name]
+        if metric.variants and variant not in metric.variants:
+            return f"`{name}` has no value with {variant}, only with {', '.join(metric.variants)}. Choose one of these."
+        if is_cut(self.scenario, variant, metric):
+            return f"the cases end before the window of `{name}`. Raise stop_time."
+        return ""
 
     def _sampled(self) -> list[Factor]:
         """Factors of the file, without telling their problems again."""
         before = list(self.problems)
-        factors = [one for name, keys in self.keys.vary.items() if (one := self._factor(name, keys))]
+        factors = [factor for name, keys in self.keys.vary.items() if (factor := self._factor(name, keys))]
         self.problems = before
         return factors
 
     def _knobs(self) -> list[Knob]:
         factors = []
-        for name, one in (self.keys.tune.knobs if self.keys.tune else {}).items():
+        for name, knob in (self.keys.tune.knobs if self.keys.tune else {}).items():
             path = ("tune", "knobs", name)
-            sets = tuple(one.sets or [name])
+            sets = tuple(knob.sets or [name])
             try:
                 unit, display = unit_of(sets, self.catalog)
             except CouplingError as error:
                 self.add_problem(error, *path)
                 continue
-            low, high = self._number(one.low, unit, *path, "from"), self._number(one.high, unit, *path, "to")
+            low, high = self._number(knob.low, unit, *path, "from"), self._number(knob.high, unit, *path, "to")
             if not low < high:
-                self.add_problem(f"from {short(one.low)} is not below to {short(one.high)}. Swap them.", *path)
+                self.add_problem(f"from {short(knob.low)} is not below to {short(knob.high)}. Swap them.", *path)
                 continue
-            if one.scale == "log" and low <= 0:
-                self.add_problem(f"from {short(one.low)} is not above zero, as scale: log needs it. Raise it.", *path)
+            if knob.scale == "log" and low <= 0:
+                self.add_problem(f"from {short(knob.low)} is not above zero, as scale: log needs it. Raise it.", *path)
                 continue
-            span = Distribution("log_uniform" if one.scale == "log" else "uniform", (low, high))
-            factor = Factor(name, sets, (), span, unit, one.stated_unit or display, "tuned")
-            factors.append(Knob(factor, low, high, one.scale == "log"))
+            span = Distribution("log_uniform" if knob.scale == "log" else "uniform", (low, high))
+            factor = Factor(name, sets, (), span, unit, knob.stated_unit or display, "tuned")
+            factors.append(Knob(factor, low, high, knob.scale == "log"))
         return factors
 
     def _limits(self) -> list[Limit]:
         limits = []
-        for i, one in enumerate(self.keys.tune.limits if self.keys.tune else []):
+        tune, metrics = self.keys.tune, self.scenario.metrics
+        expectations = {expectation.name: expectation for expectation in self.scenario.expectations}
+        for i, limit in enumerate(tune.limits if tune else []):
             path = ("tune", "limits", i)
-            expectations = [e.name for e in self.scenario.expectations]
-            if bool(one.metric) == bool(one.expectation):
+            own = (tune.variant if tune else "") or self.variants[0]
+            if bool(limit.metric) == bool(limit.expectation):
                 self.add_problem("name a `metric` or an `expectation`, one of them.", *path)
-            elif one.expectation and one.expectation not in expectations:
-                self.add_problem(
-                    f"there is no expectation `{one.expectation}`.{nearest(one.expectation, expectations)}", *path
-                )
-            elif any(one.expectation == e.name and e.nominal for e in self.scenario.expectations):
-                self.add_problem(
-                    f"`{one.expectation}` is judged only with the parameters of its own file (`nominal`). Name another.",
-                    *path,
-                )
-            elif one.metric and one.metric not in self.scenario.metrics:
-                self.add_problem(
-                    f"there is no metric `{one.metric}`.{nearest(one.metric, self.scenario.metrics)}", *path
-                )
-            elif one.at_most is None and one.at_least is None:
+            elif limit.expectation and limit.expectation not in expectations:
+                unknown = f"there is no expectation `{limit.expectation}`.{nearest(limit.expectation, expectations)}"
+                self.add_problem(unknown, *path)
+            elif limit.expectation and expectations[limit.expectation].nominal:
+                text = "is judged only with the parameters of its own file (`nominal`). Name another."
+                self.add_problem(f"`{limit.expectation}` {text}", *path)
+            elif limit.metric and limit.metric not in metrics:
+                self.add_problem(f"there is no metric `{limit.metric}`.{nearest(limit.metric, metrics)}", *path)
+            elif limit.metric and (missing := self._why_no_value(limit.metric, own)):
+                self.add_problem(missing, *path)
+            elif limit.at_most is None and limit.at_least is None:
                 self.add_problem("has no limit. Add at_most or at_least.", *path)
             else:
-                symbol = self.scenario.metrics[one.metric].unit if one.metric else ""
-                ends = [None if raw is None else limit_in_si(raw, symbol) for raw in (one.at_most, one.at_least)]
-                what = one.expectation or f"{one.of} of {one.metric}"
-                text = f"{what} {'at most' if one.at_most is not None else 'at least'} {one.at_most if one.at_most is not None else one.at_least}"
-                limits.append(Limit(one.metric, one.expectation, one.of, one.quantile, ends[0], ends[1], text))
+                symbol = metrics[limit.metric].unit if limit.metric else ""
+                ends = [None if raw is None else limit_in_si(raw, symbol) for raw in (limit.at_most, limit.at_least)]
+                what = limit.expectation or f"{limit.of} of {limit.metric}"
+                side, value = ("at least", limit.at_least) if limit.at_most is None else ("at most", limit.at_most)
+                text = f"{what} {side} {value}"
+                limits.append(Limit(limit.metric, limit.expectation, limit.of, limit.quantile, ends[0], ends[1], text))
         return limits
 
 
