@@ -86,6 +86,19 @@ def test_a_calibration(calibration, calls):
     assert run(calibrate.command, *words, "-o", "x.yaml")[1][-2].startswith("x.yaml: 2 parameters.")
 
 
+def test_a_calibration_is_written_before_it_is_printed(calibration, monkeypatch):
+    """`twin calibrate ... | head -1` closes the pipe early; the files exist nevertheless."""
+
+    def show(result):
+        raise BrokenPipeError
+
+    monkeypatch.setattr(calibrate, "show", show)
+    with pytest.raises(BrokenPipeError):
+        run(calibrate.command, "part", "linear=a.csv")
+    assert Path("part.yaml").read_text() == "a: 1\n"
+    assert Path("part.svg").read_text() == "<svg>"
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

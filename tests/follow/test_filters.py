@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
-from twin.follow.filters import Ensemble, Unscented
+from twin.follow.filters import Ensemble, Extended, Unscented
 
 FREE = np.full(3, np.inf)
 F = np.array([[1.0, 0.1, 0.0], [0.0, 1.0, 0.1], [0.0, -0.2, 0.9]])
@@ -115,6 +115,30 @@ def test_estimates_keep_their_bounds(make):
         moved = np.clip(points @ F.T, low, high)
         filter_.update(moved, moved @ H.T, measured, NOISE)
         assert np.all((filter_.mean >= low) & (filter_.mean <= high))
+
+
+@pytest.mark.parametrize("make", [Unscented, Extended, lambda *bounds: Ensemble(*bounds, 200, 0)])
+def test_an_estimate_leaves_its_bound_again(make):
+    """Its deviation at the bound is at least that of the Kalman filter, 0.1 / sqrt(n), and never zero."""
+    noise, random = np.array([0.1]), np.random.default_rng(1)
+    filter_ = make(np.array([0.5]), np.array([0.5]), np.zeros(1), np.full(1, np.inf))
+    for true in 40 * [-1.0] + 400 * [1.0]:
+        points = filter_.spread(np.zeros(1))
+        filter_.update(points, points.copy(), true + noise * random.standard_normal(1), noise)
+        if true == -1.0:
+            at_bound = filter_.mean, filter_.deviation
+    assert at_bound[0] == 0.0
+    assert 0.98 * 0.1 / np.sqrt(40.0) < at_bound[1] < 0.1
+    assert filter_.mean == pytest.approx(1.0, abs=0.2)
+
+
+def test_a_measurement_without_information_changes_no_estimate_at_its_bound():
+    filter_ = Unscented(np.zeros(2), np.ones(2), np.zeros(2), FREE[:2])
+    for _ in range(5):
+        points = filter_.spread(np.zeros(2))
+        filter_.update(points, np.zeros((5, 1)), np.zeros(1), np.ones(1))
+    assert filter_.mean == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert filter_.covariance == pytest.approx(np.eye(2))
 
 
 def test_spread_of_an_estimate():

@@ -116,7 +116,7 @@ def test_an_own_fmu_gives_the_estimates_of_its_component_to_the_bit(tmp_path, bu
     found = list(follow(problem_of(tmp_path / "fmu", path, rows, text, signal), build))
     component = "tests.follow.parts:VanDerPol"
     assert_equal(found, list(follow(problem_of(tmp_path / "own", component, rows, text, signal), build)))
-    assert signal == "sampler.y" or found[-1].deviations[0] < 0.3
+    assert signal == "sampler.y" or found[-1].deviations[0] < 0.5
 
 
 @pytest.mark.slow

@@ -112,7 +112,7 @@ class Batch:
 
 @pytest.mark.parametrize(("shares_memory", "sources"), [(True, [0, 0, 0]), (False, [0, 1, 0])])
 def test_a_forecast_goes_in_intervals_to_its_horizon(shares_memory, sources):
-    """From draws of the estimate; between the intervals they walk, with the deviation of their time."""
+    """From draws of the estimate; at the begin of each interval they walk, with the deviation of its length."""
     calls = []
     own = forecaster(
         batch=Batch(calls),
@@ -132,8 +132,8 @@ def test_a_forecast_goes_in_intervals_to_its_horizon(shares_memory, sources):
     assert [call[1] for call in calls[1:] if call[0] == "advance"] == [24, 28, 30]
     assert calls.count(("override", {"a.k": 1.0})) == 3
     assert (found.start, found.time.tolist(), found.signals) == (6.0, [7.0, 8.0, 8.5], ("a.x", "a.y"))
-    walked = 3.0 * np.sqrt(4 * 0.25)
-    steps = np.array([-0.1, -0.2 + walked, -0.3 + 2 * walked])
+    walked, shorter = 3.0 * np.sqrt(4 * 0.25), 3.0 * np.sqrt(2 * 0.25)
+    steps = np.array([-0.1 + walked, -0.2 + 2 * walked, -0.3 + 2 * walked + shorter])
     expected = draws[:, 0] + steps[:, None]
     np.testing.assert_allclose(found.draws, np.stack([expected, 2.0 * expected], axis=2))
     assert np.isnan(found.chance).all()

@@ -99,14 +99,14 @@ def test_the_estimates_are_those_of_the_kalman_filter(estimates):
 
 @pytest.mark.slow
 def test_a_forecast_spreads_as_the_covariance_does(estimates):
-    """The estimate's covariance, moved by 0.1 s twice, with process noise in between."""
+    """The estimate's covariance, moved by 0.1 s twice, with process noise at the begin of both intervals, as in the filter."""
     one = estimates[5]
     forecast = one.forecast
     assert (forecast.start, forecast.time.tolist()) == (pytest.approx(0.6), pytest.approx([0.7, 0.8]))
     assert forecast.signals == ("Mass.y",)
     assert forecast.draws.shape == (2, 400, 1)
     move, noise = np.array([[1.0, 0.1], [0.0, 1.0]]), 0.1 * np.diag([0.04, 0.25])
-    first = move @ one.covariance @ move.T
+    first = move @ (one.covariance + noise) @ move.T
     second = move @ (first + noise) @ move.T
     position = one.values[0] + np.array([0.1, 0.2]) * one.values[1]
     deviation = np.sqrt([first[0, 0], second[0, 0]])

@@ -10,15 +10,16 @@ import numpy as np
 import pytest
 
 from tests.every_case import every_case
+from twin.component import Component, output, parameter, solver
 from twin.live import RefusedError, member_class
-from twin.live.catalog_builder import spaces_of
+from twin.live.catalog_builder import signals_of, space_data, spaces_of
 from twin.live.channel import Channel, ClosedError
 from twin.live.operator import operation_log
 from twin.live.operator.command_checks import MAX_ITEMS, MAX_LETTERS, check_value
 from twin.live.operator.dead_man_switch import DeadManSwitch
 from twin.live.pacing import DELAY_COUNT, Pace
 from twin.live.recording_reader import RecordingReader
-from twin.scenario import EventSpec, MemberSpec
+from twin.scenario import EventSpec, MemberSpec, parse_scenario, resolve_variables
 
 
 def test_a_schedule_of_blocks():
@@ -260,6 +261,54 @@ def test_rows_of_a_recording(reader):
 def test_a_member_shows_the_class_or_the_file_of_its_component(component, name):
     assert member_class(MemberSpec(component)) == name
     assert member_class(MemberSpec(component, made=object)) == (name if "." in component else "object")
+
+
+SPACE = """
+stop_time: 10 ms
+step: 1 ms
+members: {a: {component: "tests.live.test_parts:Vessel", parameters: {gain: 3, d: [4 mm, 5 mm, 6 mm]}}}
+scenes:
+  - title: vessel
+    signals: [{signal: a.s, label: wire}]
+    unit: mm
+    axes: [z, y]
+    space:
+      path: {curvature: [a.k1, a.k2], spacing: 20 mm, diameter: a.d, label: vessel}
+      points: [{along: a.s, label: tip}]
+"""
+
+
+class Vessel(Component):
+    """A path in units other than SI."""
+
+    k1 = parameter((0.0, 0.0, 0.0), "1/mm", "curvature")
+    k2 = parameter((0.01, 0.02, 0.03), "1/mm", "curvature")
+    d = parameter((8.0, 10.0, 12.0), "mm", "diameter")
+    gain = parameter(1.0, "", "gain")
+    s = output("mm", "place")
+
+    def step(self, t: float, h: float) -> int:
+        self.s = self.gain
+        return solver.OK
+
+
+def test_the_path_of_a_scene_in_space_is_in_si_with_all_values_of_the_file():
+    scenario = parse_scenario(SPACE)
+    (case,) = scenario.cases()
+    variables = resolve_variables(scenario)[0][case.variant]
+    data = space_data(scenario.scenes[0], case, variables)
+    assert data["curvature"] == [[0.0, 0.0, 0.0], pytest.approx([10.0, 20.0, 30.0])]
+    assert data["diameter"] == pytest.approx([4e-3, 5e-3, 6e-3])
+
+
+def test_start_values_are_those_of_the_file_also_where_it_sets_several():
+    """Numbers and arrays in the units of their variables, as a page shows them."""
+    (case,) = parse_scenario(SPACE).cases()
+    variables = resolve_variables(parse_scenario(SPACE))[0][case.variant]["a"]
+    simulated = SimpleNamespace(members={"a": SimpleNamespace(variables=variables)}, recorded=[])
+    signals = signals_of(case, simulated, set(), wall_clock=False)
+    starts = {name: signals[f"a.{name}"].start for name in ("gain", "d", "k2")}
+    assert starts == {"gain": 3.0, "d": [4.0, 5.0, 6.0], "k2": [0.01, 0.02, 0.03]}
 
 
 def test_a_variant_has_the_scenes_in_space_that_are_for_it_and_whose_signals_it_has():

@@ -58,11 +58,12 @@ def test_a_change_twice_as_large_as_in_training_is_a_jump():
 
 
 def test_inputs_lie_on_the_grid_and_samples_between_its_rows():
-    """Samples at 0, 14, 20 and 35 ms, steps of 10 ms: the grid ends at 40 ms with the last input."""
+    """Samples at 0, 14, 20 and 35 ms, steps of 10 ms: the grid ends at 40 ms, on the line through the last two samples."""
     grid, lower, weight = reader().gridded(
         {"time": np.array([5.0, 5.014, 5.02, 5.035]), "q": np.array([0.0, 14.0, 8.0, 11.0])}
     )
-    assert grid == pytest.approx(np.array([[0.0], [10.0], [8.0], [10.0], [11.0]]))
+    assert grid == pytest.approx(np.array([[0.0], [10.0], [8.0], [10.0], [12.0]]))
+    assert (1.0 - weight[3]) * grid[3] + weight[3] * grid[4] == pytest.approx(11.0)  # the sample's own input
     assert lower.tolist() == [0, 1, 2, 3]
     assert weight == pytest.approx([0.0, 0.4, 0.0, 0.5])
     grid, lower, weight = reader().gridded({"time": 7.3 + 0.01 * np.arange(300), "q": np.arange(300.0)})

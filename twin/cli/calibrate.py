@@ -68,11 +68,11 @@ def command(name: str, tables: tuple[str, ...], output: Path | None, columns: Pa
     for file in (target, picture):
         refuse_existing(file, force)
     result = calibration.calibrate(cls, name, files, read_aliases(columns) if columns else {})
+    write_text(target, calibration_report.to_yaml(name, files, result))
+    write_text(picture, calibration_report.to_svg(result))
     show(result)
     for text in calibration_report.warnings(result):
         say(text, err=True)
-    write_text(target, calibration_report.to_yaml(name, files, result))
-    write_text(picture, calibration_report.to_svg(result))
     say(f"{target}: {len(result.parameters)} parameters. Copy them to `parameters:` of the member.")
     say(f"{picture}: measured over fitted values.")
 

@@ -33,7 +33,25 @@ class Update:
     gain: Array
 
 
-class SquareRootFilter:
+class BoundedPoints:
+    """Points of a filter, projected onto the bounds where the model needs them.
+
+    `excess`: what the projection has taken away, (count, n). The statistics of the estimate count it, else the spread of an
+    estimate at its bound would shrink to zero without any information, and the estimate could not leave the bound.
+    """
+
+    excess: Array | float = 0.0
+    low: Array
+    high: Array
+
+    def project(self, points: Array) -> Array:
+        """Return the points within the bounds, (count, n)."""
+        projected = np.asarray(points.clip(self.low, self.high))
+        self.excess = points - projected
+        return projected
+
+
+class SquareRootFilter(BoundedPoints):
     """Filter of a mean and a square root of its covariance. Estimate and points are projected onto the bounds.
 
     Joint deviations of measurement and state are triangularized by one QR decomposition, as in Arasaratnam and Haykin, IEEE
@@ -83,7 +101,7 @@ class SquareRootFilter:
 
         Their products with the deviations of moved points are the covariance of the estimate with the predicted one.
         """
-        spread = self.deviations(points)
+        spread = self.deviations(points + self.excess)
         scale = np.linalg.norm(spread, axis=0)
         scale[scale == 0.0] = 1.0
         past = np.linalg.lstsq(
@@ -93,7 +111,7 @@ class SquareRootFilter:
 
     def update(self, points: Array, outputs: Array, measured: Array, noise: Array) -> Update:
         """Correct the estimate. `outputs`: of the model at its points, (count, m); `noise`: standard deviations, (m,)."""
-        m = outputs.shape[1]
+        m, points = outputs.shape[1], points + self.excess
         mean, predicted = self.center(points), self.center(outputs)
         joint = np.hstack([self.deviations(outputs), self.deviations(points)])
         root = triangle(with_noise(joint, noise))
@@ -121,8 +139,7 @@ class Unscented(SquareRootFilter):
     def spread(self, noise: Array) -> Array:
         """Return the points, (2 n + 1, n)."""
         steps = np.sqrt(len(self.mean) + CENTER) * self.moved_root(noise).T
-        points = np.vstack([self.mean, self.mean + steps, self.mean - steps])
-        return np.asarray(points.clip(self.low, self.high))
+        return self.project(np.vstack([self.mean, self.mean + steps, self.mean - steps]))
 
     def center(self, points: Array) -> Array:
         """Return the weighted mean."""
@@ -157,7 +174,7 @@ class Extended(SquareRootFilter):
         return np.asarray(points[1:] - points[0])
 
 
-class Ensemble:
+class Ensemble(BoundedPoints):
     """Ensemble Kalman filter with perturbed measurements (Burgers, van Leeuwen and Evensen, Mon. Weather Rev. 126, 1998).
 
     Each point keeps all memory of its own model, so that hidden states such as stick or slip stay consistent.
@@ -168,7 +185,7 @@ class Ensemble:
     def __init__(self, mean: Array, deviation: Array, low: Array, high: Array, size: int, seed: int) -> None:
         self.low, self.high, self.count = low, high, size
         self._random = np.random.default_rng(seed)
-        self.points = np.clip(mean + deviation * self._random.standard_normal((size, len(mean))), low, high)
+        self.points = mean + deviation * self._random.standard_normal((size, len(mean)))
         self._past = self.points  # before the last process noise
 
     @property
@@ -189,10 +206,8 @@ class Ensemble:
     def spread(self, noise: Array) -> Array:
         """Return the points with process noise, (size, n)."""
         self._past = self.points
-        self.points = np.clip(
-            self.points + noise * self._random.standard_normal(self.points.shape), self.low, self.high
-        )
-        return self.points
+        self.points = self.points + noise * self._random.standard_normal(self.points.shape)
+        return self.project(self.points)
 
     def center(self, points: Array) -> Array:
         """Return the mean of points, (k,) of (size, k)."""
@@ -208,18 +223,19 @@ class Ensemble:
 
     def draw(self, random: np.random.Generator, count: int) -> Array:  # noqa: ARG002 - the points are draws
         """Return draws of the estimate, (count, n): the points, repeated where there are fewer."""
-        return np.asarray(self.points[np.arange(count) % self.count])
+        return np.asarray(self.points[np.arange(count) % self.count].clip(self.low, self.high))
 
     def update(self, points: Array, outputs: Array, measured: Array, noise: Array) -> Update:
         """Correct the points; arguments as of `SquareRootFilter.update`."""
-        predicted = outputs.mean(axis=0)
+        points, predicted = points + self.excess, outputs.mean(axis=0)
         deviations, scale = outputs - predicted, self.count - 1
         covariance = deviations.T @ deviations / scale + np.diag(noise**2)
         cross = (points - points.mean(axis=0)).T @ deviations / scale
         innovation = measured - predicted
         perturbed = measured + noise * self._random.standard_normal(outputs.shape)
         corrected = points + np.linalg.solve(covariance, (perturbed - outputs).T).T @ cross.T
-        self.points = np.clip(corrected, self.low, self.high)
+        mean = corrected.mean(axis=0)
+        self.points = corrected + (mean.clip(self.low, self.high) - mean)
         root = np.linalg.cholesky(covariance)
         gain, normalized = substitute(root, cross.T).T, substitute(root, innovation)
         deviation = np.sqrt(np.diag(covariance))

@@ -14,6 +14,7 @@ from twin.component import catalog as components
 from twin.component import unit
 from twin.errors import CouplingError
 from twin.live.catalog import Catalog, CatalogControl, CatalogEvent, CatalogSignal
+from twin.results import si_conversion
 from twin.scenario import (
     EventSpec,
     connected,
@@ -136,13 +137,16 @@ def spaces_of(scenario: ScenarioSpec, variant: str, variables: Variables) -> lis
 
 
 def space_data(scene: Scene, case: Case, variables: Variables) -> dict[str, Any]:
-    """Return a scene in three dimensions as plain data: title, axes, specification, and the parameters of its path."""
+    """Return a scene in three dimensions as plain data: title, axes, specification, and the parameters of its path in SI."""
     assert scene.space is not None
     path = scene.space.path
     parameters = {}
     for name in (*path.curvature, path.diameter) if path else ():
         member, _, variable = name.partition(".")
-        parameters[name] = start_value(case, member, variables[member][variable])
+        own = variables[member][variable]
+        factor, offset = si_conversion(own.unit)
+        values = case.values(member, variables[member]).get(variable, own.start)
+        parameters[name] = (np.asarray(values, float) * factor + offset).tolist()
     return {
         "title": scene.title,
         "axes": list(scene.axes),
@@ -188,6 +192,9 @@ def signals_of(case: Case, simulated: CoSimulation, held: set[str], wall_clock: 
     targets, recorded = connected(case, variables), set(simulated.recorded)
     signals = {}
     for member, own in variables.items():
+        given = dict[str, Any]()
+        with suppress(CouplingError):  # a drive stands for the member that the file sets
+            given = case.values(member, own)
         for name, variable in own.items():
             if not variable.connectable:
                 continue
@@ -209,7 +216,7 @@ def signals_of(case: Case, simulated: CoSimulation, held: set[str], wall_clock: 
                 variable.description,
                 variable.minimum,
                 variable.maximum,
-                start_value(case, member, variable),
+                start_value(given.get(name, variable.start)),
                 dict(variable.items),
                 (member, name) in recorded,
                 (is_free and not is_held) or tunable,
@@ -232,15 +239,11 @@ def member_class(spec: MemberSpec) -> str:
     return name
 
 
-def start_value(case: Case, member: str, variable: MemberVariable) -> Any:
+def start_value(value: Any) -> Any:
     """Return a start value as plain data; None if there is none or if it is long."""
-    given = variable.start
-    with suppress(CouplingError):
-        given = case.values(member, {variable.name: variable}).get(variable.name, given)
-    if given is None or variable.size > MAX_START_ELEMENTS:
+    if value is None or np.size(value) > MAX_START_ELEMENTS:
         return None
-    value = np.asarray(given)
-    return value.tolist() if np.all(np.isfinite(value.astype(float))) else None
+    return np.asarray(value).tolist() if np.all(np.isfinite(np.asarray(value, float))) else None
 
 
 def control(bounded: Any) -> CatalogControl:

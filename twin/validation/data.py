@@ -212,9 +212,14 @@ class SetReader:
     def gridded(self, window: Mapping[str, Array]) -> tuple[Array, Array, Array]:
         """Inputs on the grid of the communication step, and where the samples lie on it: row and weight."""
         position = (window["time"] - window["time"][0]) / self.step
-        count = int(np.ceil(position[-1] - 1e-6)) + 1
-        grid = np.stack([np.interp(np.arange(count), position, window[column]) for column in self.keys.inputs], 1)
         nearest_row = np.round(position)
-        position = np.where(np.abs(position - nearest_row) < 1e-6, nearest_row, position)
-        lower = np.minimum(position.astype(np.int64), count - 1)
-        return grid, lower, position - lower
+        rows = np.where(np.abs(position - nearest_row) < 1e-6, nearest_row, position)
+        count = int(np.ceil(rows[-1])) + 1
+        inputs = []
+        for column in self.keys.inputs:
+            values = np.interp(np.arange(count), position, window[column])
+            # a row after the last sample: on the straight line through that sample and the value one step before it
+            values[-1] += (count - 1 - rows[-1]) * (values[-1] - np.interp(rows[-1] - 1.0, position, window[column]))
+            inputs.append(values)
+        lower = np.minimum(rows.astype(np.int64), count - 1)
+        return np.stack(inputs, 1), lower, rows - lower

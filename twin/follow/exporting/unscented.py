@@ -107,13 +107,13 @@ def fill(self: Any, count: int) -> None:
     for i in range(size):
         self.mean[i] = 0.0
         for k in range(points):
-            self.mean[i] += (center if k == 0 else other) * self.points[k, i]
+            self.mean[i] += (center if k == 0 else other) * (self.points[k, i] + self.excess[k, i])
     for k in range(points):
         scale = sqrt(center if k == 0 else other)
         for i in range(count):
             self.work[i, k] = scale * (self.outputs[k, self.chosen[i]] - self.predicted[i])
         for i in range(size):
-            self.work[count + i, k] = scale * (self.points[k, i] - self.mean[i])
+            self.work[count + i, k] = scale * (self.points[k, i] + self.excess[k, i] - self.mean[i])
     for k in range(count):
         for i in range(count + size):
             self.work[i, points + k] = self.noise[self.chosen[k]] if i == k else 0.0
@@ -134,8 +134,14 @@ def spread(self: Any, interval: float) -> None:
         self.points[0, i] = self.estimate[i]
         for k in range(size):
             move = sqrt(size + CENTER) * (self.work[i, k] if k <= i or not has_noise else 0.0)
-            self.points[1 + k, i] = min(max(self.estimate[i] + move, self.low[i]), self.high[i])
-            self.points[1 + size + k, i] = min(max(self.estimate[i] - move, self.low[i]), self.high[i])
+            set_point(self, 1 + k, i, self.estimate[i] + move)
+            set_point(self, 1 + size + k, i, self.estimate[i] - move)
+
+
+def set_point(self: Any, number: int, i: int, value: float) -> None:
+    """Set an estimate of a point within its bounds, and what these take from it."""
+    self.points[number, i] = min(max(value, self.low[i]), self.high[i])
+    self.excess[number, i] = value - self.points[number, i]
 
 
 def triangularize(work: Any, rows: int, columns: int) -> None:
@@ -191,6 +197,7 @@ def unscented(
         "last_tick": local((0,) * m, "", "communication step at which it arrived", type=Int64),
         "measured": array("measured values; NaN: not measured", m),
         "points": array("estimated variables at the points", points, n),
+        "excess": array("what the bounds have taken from the points", points, n),
         "outputs": array("measured signals at the points", points, m),
         "is_spread": local(0, "", "whether the points were spread", type=Int64),
         "age": local(-1, "", "communication steps since the points were spread; -1: not yet", type=Int64),

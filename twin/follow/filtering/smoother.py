@@ -50,6 +50,7 @@ class FixedLagSmoother:
 
         Return the latest estimate that is at least one lag old, None before the first one.
         """
+        points = points + filter_.excess
         predicted, moved = filter_.center(points), filter_.deviations(points)
         gains = self._gains @ regression(moved, past)
         change = filter_.covariance - moved.T @ moved

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -92,14 +93,15 @@ class Forecaster:
         self.batch.branch(source, sources.tolist())
         self._hold_inputs()
         points = filter_.draw(self._random, count)
-        rows, deviation = [], self._walk * np.sqrt(settings.interval * self._step)
-        steps = [*range(settings.interval, horizon, settings.interval), horizon]
-        for step in steps:
+        rows, steps = [], [*range(settings.interval, horizon, settings.interval), horizon]
+        for before, step in pairwise([0, *steps]):
+            deviation = self._walk * np.sqrt((step - before) * self._step)
+            points = points + deviation * self._random.standard_normal((count, len(self._walk)))
             self.batch.write(self._bounded(points), sharing=0)
             self._override(overrides)
             self.batch.advance(tick + step)
             rows.append(self.batch.outputs(range(len(settings.signals))))
-            points = self.batch.read() + deviation * self._random.standard_normal((count, len(self._walk)))
+            points = self.batch.read()
         draws = np.array(rows)
         return Forecast(
             self._begin + tick * self._step,
