@@ -14,11 +14,11 @@ from twin.live.pacing import Pace, checked_rate
 from twin.live.recording_reader import RecordingReader, RefusedError
 
 if TYPE_CHECKING:
-    from twin.live.catalog_builder import member_class, scene_data, start_value, targets_and_warnings
+    from twin.live.catalog_builder import member_class, scene_data, start_values, targets_and_warnings
 
 # of the process that runs a session, and of the viewer
 __getattr__, _, _ = lazy_loader.attach(
-    __name__, submod_attrs={"catalog_builder": ["member_class", "scene_data", "start_value", "targets_and_warnings"]}
+    __name__, submod_attrs={"catalog_builder": ["member_class", "scene_data", "start_values", "targets_and_warnings"]}
 )
 
 __all__ = [
@@ -39,7 +39,7 @@ __all__ = [
     "checked_rate",
     "member_class",
     "scene_data",
-    "start_value",
+    "start_values",
     "targets_and_warnings",
 ]
 

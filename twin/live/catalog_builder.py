@@ -192,9 +192,7 @@ def signals_of(case: Case, simulated: CoSimulation, held: set[str], wall_clock: 
     targets, recorded = connected(case, variables), set(simulated.recorded)
     signals = {}
     for member, own in variables.items():
-        given = dict[str, Any]()
-        with suppress(CouplingError):  # a drive stands for the member that the file sets
-            given = case.values(member, own)
+        starts = start_values(case, member, own)
         for name, variable in own.items():
             if not variable.connectable:
                 continue
@@ -216,7 +214,7 @@ def signals_of(case: Case, simulated: CoSimulation, held: set[str], wall_clock: 
                 variable.description,
                 variable.minimum,
                 variable.maximum,
-                start_value(given.get(name, variable.start)),
+                starts[name],
                 dict(variable.items),
                 (member, name) in recorded,
                 (is_free and not is_held) or tunable,
@@ -239,10 +237,20 @@ def member_class(spec: MemberSpec) -> str:
     return name
 
 
-def start_value(value: Any) -> Any:
-    """Return a start value as plain data; None if there is none or if it is long."""
-    if value is None or np.size(value) > MAX_START_ELEMENTS:
-        return None
+def start_values(case: Case, member: str, variables: Mapping[str, MemberVariable]) -> dict[str, Any]:
+    """Return the start values of a member's variables as plain data, in their units; None if there is none or if it is long."""
+    given = dict[str, Any]()
+    with suppress(CouplingError):  # a drive stands for the member that the file sets
+        given = case.values(member, variables)
+    starts = {name: given.get(name, variable.start) for name, variable in variables.items() if variable.connectable}
+    return {
+        name: None if start is None or variables[name].size > MAX_START_ELEMENTS else finite_data(start)
+        for name, start in starts.items()
+    }
+
+
+def finite_data(value: Any) -> Any:
+    """Return numbers as plain data; None if one is not finite."""
     return np.asarray(value).tolist() if np.all(np.isfinite(np.asarray(value, float))) else None
 
 

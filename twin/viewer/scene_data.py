@@ -12,7 +12,7 @@ import numpy as np
 
 from twin.coupling import find
 from twin.errors import TwinError
-from twin.live import member_class, scene_data, start_value, targets_and_warnings
+from twin.live import member_class, scene_data, start_values, targets_and_warnings
 from twin.results import Signals, si_conversion
 from twin.scenario import lint, resolve_variables
 from twin.web import SIZES, build_views
@@ -140,10 +140,10 @@ def describe_system(
     variables = resolve_variables(scenario)[0][variant]
     case = next(each for each in scenario.variants if each.variant == variant)
     sizes = {
-        f"{member}.{name}": RecordedSignal(f"{member}.{name}", "parameter", start_value(case, member, variable), False)
+        f"{member}.{name}": RecordedSignal(f"{member}.{name}", "parameter", start, False)
         for member, own in variables.items()
-        for name, variable in own.items()
-        if variable.causality == "parameter" and name.rpartition(".")[2] in SIZES
+        for name, start in start_values(case, member, own).items()
+        if own[name].causality == "parameter" and name.rpartition(".")[2] in SIZES
     }
     members = {name: member_class(spec) for name, spec in case.members.items()}
     targets, warnings = targets_and_warnings(scenario, variables)
