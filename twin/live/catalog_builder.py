@@ -238,17 +238,19 @@ def member_class(spec: MemberSpec) -> str:
 
 
 def start_values(case: Case, member: str, variables: Mapping[str, MemberVariable]) -> dict[str, Any]:
-    """Return the start values of a member's variables as plain data; None for one without or with a long one."""
+    """Return the start values of a member's numeric variables as plain data, in their units; None if there is none or if it is long."""
     given = dict[str, Any]()
     with suppress(CouplingError):  # a drive stands for the member that the file sets
         given = case.values(member, variables)
-    return {name: plain_value(given.get(name, variable.start)) for name, variable in variables.items()}
+    starts = {name: given.get(name, variable.start) for name, variable in variables.items() if variable.connectable}
+    return {
+        name: None if start is None or variables[name].size > MAX_START_ELEMENTS else finite_data(start)
+        for name, start in starts.items()
+    }
 
 
-def plain_value(value: Any) -> Any:
-    """Return a value as plain data; None if there is none, or if it is long or not finite."""
-    if value is None or np.size(value) > MAX_START_ELEMENTS:
-        return None
+def finite_data(value: Any) -> Any:
+    """Return numbers as plain data; None if one is not finite."""
     return np.asarray(value).tolist() if np.all(np.isfinite(np.asarray(value, float))) else None
 
 

@@ -141,11 +141,10 @@ def describe_system(
     case = next(each for each in scenario.variants if each.variant == variant)
     sizes = {}
     for member, own in variables.items():
-        starts = start_values(case, member, own)
-        for name, variable in own.items():
-            if variable.causality == "parameter" and name.rpartition(".")[2] in SIZES and starts[name] is not None:
-                factor, offset = si_conversion(variable.unit)
-                value = (np.asarray(starts[name]) * factor + offset).tolist()
+        for name, start in start_values(case, member, own).items():
+            if own[name].causality == "parameter" and name.rpartition(".")[2] in SIZES and start is not None:
+                factor, offset = si_conversion(own[name].unit)
+                value = (np.asarray(start) * factor + offset).tolist()
                 sizes[f"{member}.{name}"] = RecordedSignal(f"{member}.{name}", "parameter", value, False)
     members = {name: member_class(spec) for name, spec in case.members.items()}
     targets, warnings = targets_and_warnings(scenario, variables)
