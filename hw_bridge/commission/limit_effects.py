@@ -31,7 +31,7 @@ def rows(keys: HardwareKeys, node: NodeKeys, absent: Collection[int] = ()) -> li
     missed, lateness = stall_bounds.missed_cycles(keys), stall_bounds.tolerated_lateness(keys)
     own_lateness = f"a late cycle of this program is not counted, and may last {lateness / 1e6:.4g} ms (late_cycle)"
     return [
-        ("position", f"{WATCHED}{own(0x607D)}, a tenth beyond"),
+        ("position", f"{WATCHED}{own(0x607D)}, a tenth of the range beyond"),
         ("velocity", f"targets of {velocity}, to 80 %; {WATCHED}{own(0x607F, 0x6080)}"),
         (
             "force",

@@ -86,7 +86,7 @@ def narrow(node: Node) -> None:
 
 
 def software_limits(node: Node) -> tuple[int, int]:
-    """607Dh once the position reference is known: a tenth beyond the hardware file's, within the drive's own.
+    """607Dh once the position reference is known: a tenth of its range beyond the hardware file's, within the drive's own.
 
     Never beyond the drive's position after homing: it would jump there as soon as it is enabled. The limits that
     are monitored in each cycle are narrowed too. SimulationError where both have no position in common.

@@ -272,3 +272,23 @@ def test_the_read_out_shows_the_range_of_the_seeds(seeds_page):
         shown = re.search(r"(\S+) N \((\S+) to (\S+)\)", " ".join(rows))
         values = [float(text.replace(MINUS, "-")) for text in shown.groups()]
         assert values == pytest.approx([2.0 * own, min(own, 3.0 * own), max(own, 3.0 * own)], abs=0.02)
+        assert "±" not in title  # every sample is drawn
+
+
+def test_the_read_out_of_a_thinned_range_says_how_far_its_samples_are(browser, tmp_path):
+    """A ramp of 100 N/s in 40,000 samples: only extremes of a pixel are drawn, and a value is that of its time within the stated distance."""
+    time = np.arange(40_000) / 20_000
+    cases = {("PI", seed): (time, {"sensor.force": 100.0 * time}) for seed in (1, 2)}
+    (tmp_path / "page.html").write_text(
+        embedded_page(runs(folder_of(tmp_path / "run", cases, [FORCE])), ["sensor.force"], [0, 1]).text
+    )
+    context = browser.new_context(viewport={"width": 900, "height": 420}, offline=True)
+    page = Page(context, (tmp_path / "page.html").as_uri())
+    page.page.mouse.move(*page.place(0.5))
+    page.page.locator(".twin-hover").wait_for()
+    title, *rows = page.page.locator(".twin-hover").inner_text().splitlines()
+    at, distance = map(float, re.fullmatch(r"(\S+) s ± (\S+) ms", title).groups())
+    values = [float(text) for text in re.search(r"(\S+) N \((\S+) to (\S+)\)", " ".join(rows)).groups()]
+    assert 0.05 < distance < 10.0
+    assert values == pytest.approx([100.0 * at] * 3, abs=0.1 * distance + 0.2)
+    context.close()

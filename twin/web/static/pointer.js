@@ -112,7 +112,7 @@ function hoverAt(chart, x, y, event) {
   const pane = chart.panes[index], found = samplesAt(chart, index, x, y), samples = pane.own && !box.logX ? found.slice(0, 1) : found;
   if (!samples.length) return null;
   const first = samples[0], at = chart.data[pane.curves[first.curve].name].x[first.k];
-  return { pane: index, clientX: event.clientX, clientY: event.clientY, at: pane.own ? null : at, samples: samples.sort((a, b) => a.curve - b.curve), title: titleOf(pane, box, at), notes: pane.own ? [] : notesAt(pane, at),
+  return { pane: index, clientX: event.clientX, clientY: event.clientY, at: pane.own ? null : at, samples: samples.sort((a, b) => a.curve - b.curve), title: titleOf(pane, box, at) + (pane.own ? "" : spreadOf(chart, pane, box, at, samples)), notes: pane.own ? [] : notesAt(pane, at),
            rows: samples.map(({ curve, k }) => rowOf(chart, pane, box, pane.curves[curve], k)) };
 }
 
@@ -123,6 +123,15 @@ function titleOf(pane, box, at) {
   if (!pane.own) return `${readableTime(at, box.from, box.to)} s`;
   const text = box.logX ? number(at, 0) : readable(at, box.from, box.to, 1000, 0);
   return `${pane.x?.label || "x"} ${text} ${(pane.x?.unit || "").replace(/[[\]]/g, "")}`;
+}
+
+// how far the shown samples are from the time above them: of a thinned curve only extremes are drawn, of a range those of a pixel are shown
+function spreadOf(chart, pane, box, at, samples) {
+  const far = Math.max(...samples.flatMap(({ curve, k }) => {
+    const { name, low, high } = pane.curves[curve], x = chart.data[name].x[k], edges = [[chart.data[low], -1], [chart.data[high], 1]];
+    return [x, ...edges.filter(([data]) => data?.x.length).map(([data, sign]) => data.x[extremeAt(data, x, box, sign)])].map((one) => Math.abs(one - at));
+  }));
+  return far > 1e-9 ? ` ± ${Number((1e3 * far).toPrecision(2))} ms` : "";
 }
 
 function rowOf(chart, pane, box, curve, k) {
