@@ -157,7 +157,10 @@ def test_it_stays_at_rest_until_it_is_pressed_anew(served, page):
         page.wait_for_timeout(1800)  # the key is still down, and the page renews again
         assert page.text_content("#twin-message").endswith("Release and press again.")
         assert page.text_content(".twin-control b").startswith("0 ")
+        assert page.text_content(".twin-hands p[role=status]").startswith("Stopped: this page answered too late")
+        assert float(page.get_attribute(".twin-stick .knob", "cy")) == 0.0
         page.keyboard.up("ArrowUp")
+        page.get_by_text("press Run, then hold a control.").wait_for()
         press(page, watcher)
 
 

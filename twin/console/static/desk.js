@@ -4,6 +4,7 @@
 
 import { channel } from "/console/channel.js";
 
+const DROPPED = 10;      // ticks after which a held control that moves nothing counts as stopped
 const NEAR = 0.02;       // deflection of a gamepad below which it is at rest
 
 class HeldControls {
@@ -62,11 +63,12 @@ export default {
               @pointerup="pull(one)" @pointercancel="pull(one)" @lostpointercapture="pull(one)">{{ one.kind === "hold" ? "+" : "press" }}</button>
     </div>
     <p v-if="!controls.length" class="twin-soft">No joystick or buttons are defined for this scenario. Change parameters below, or add a <code>console:</code> section.</p>
-    <p v-else class="twin-soft">{{ !operator ? "This page only watches." : paused ? "Paused: press Run, then hold a control." : "Motion lasts while you hold a control." }} <span v-if="pad">{{ pad }}</span></p>
+    <p v-else class="twin-soft" :class="{ 'twin-warn': stopped }" role="status">{{ stopped ? "Stopped: this page answered too late, or STOP. Release the control and hold it again." : !operator ? "This page only watches." : paused ? "Paused: press Run, then hold a control." : "Motion lasts while you hold a control." }} <span v-if="pad">{{ pad }}</span></p>
   </div>`,
   props: { controls: Array },
-  data: () => ({ operator: false, paused: false, held: {}, deflections: {}, pad: "" }),
+  data: () => ({ operator: false, paused: false, held: {}, deflections: {}, dropped: 0, pad: "" }),
   computed: {
+    stopped() { return this.dropped > DROPPED; },
     sticks() {
       const of = (stick) => this.controls.find((one) => one.stick === stick);
       return [["x", "y"], ["x2", "y2"]].map(([x, y]) => ({ key: x, x: of(x), y: of(y) })).filter((one) => one.x || one.y)
@@ -101,6 +103,8 @@ export default {
       this.paused = state.phase === "paused";
       const held = JSON.stringify(state.held || {});
       if (held !== this.heldText) { this.heldText = held; this.held = state.held || {}; }
+      const dropped = this.controls.some((one) => this.deflections[one.name] && !(one.input in this.held));
+      this.dropped = dropped && this.operator && state.phase ? this.dropped + 1 : 0;
       this.gamepad();
       this.hands.renewAll();
     },
@@ -139,7 +143,7 @@ export default {
     },
     push(event, one, way) { event.currentTarget.setPointerCapture(event.pointerId); this.hands.move(one.name, "button", way); },
     pull(one) { if (this.hands.held.get(one.name)?.has("button")) this.hands.move(one.name, "button", 0); },
-    at(one) { return one ? this.deflections[one.name] || 0 : 0; },
+    at(one) { return one && !this.stopped ? this.deflections[one.name] || 0 : 0; },
     short(key) { return key.replace(/^Key|^Digit/, "").replace("Arrow", "").replace(/^(Up|Down|Left|Right)$/, (way) => ({ Up: "↑", Down: "↓", Left: "←", Right: "→" })[way]); },
     figure(one) {
       const value = this.held[one.input];
