@@ -7,7 +7,7 @@ import click
 from twin.cli.terminal import say, show_text
 
 EXAMPLES = {
-    "twin run heart_wall_force": """Five controllers hold a catheter with 0.2 N against a beating wall. The first time
+    "twin run heart_wall_force": """Three force controllers hold a catheter with 0.2 N against a beating wall. The first time
         the models are compiled (half a minute). It ends with PASS, the figures beside the paper's, and a report.""",
     "twin view latest": """The last run in the browser: force, heart and gripper over time, zoomed with the mouse, and
         what was required of them.""",
