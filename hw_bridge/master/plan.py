@@ -303,7 +303,11 @@ def _positions(plan: WritePlan, node: Node) -> None:
         begin = "from where the scenario begins" if homing is None else "after homing"
         for sub, value, wide in zip((1, 2), bounded, ends, strict=True):
             plan.add(
-                0x607D, sub, value, f"limits.position and a tenth of its range, {begin}{OWN if value != wide else ''}", later=True
+                0x607D,
+                sub,
+                value,
+                f"limits.position and a tenth of its range, {begin}{OWN if value != wide else ''}",
+                later=True,
             )
     if MODE in node.mirror.objects:
         plan.stored_value(MODE)  # recorded also where it is in this mode: process data may command another one later
