@@ -1,4 +1,7 @@
-"""`twin calibrate`, `identify`, `study` and `follow`: what they ask of the packages below, what they write, how they end."""
+"""`twin calibrate`, `identify`, `study` and `follow`: what they ask of the packages below, what they write, how they end.
+
+Over 400 lines: four commands with the same replaced packages below.
+"""
 
 import sys
 from pathlib import Path

@@ -86,7 +86,7 @@ BENCH = Panel("Bench", lambda console, is_operator: ui.label(f"bench {is_operato
         ),
         (
             {"controls": ("hand",), "variant": "recording", "variants": {"recording": "", "by hand": ""}},
-            ["bar", "desk controls", page.NOT_BY_HAND, "operator", "requirements", "charts.panel", "Shape"],
+            ["bar", "desk controls", page.NOT_OPERATED, "operator", "requirements", "charts.panel", "Shape"],
         ),
         (
             {"spaces": [1]},

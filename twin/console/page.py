@@ -40,9 +40,9 @@ RATES = {
 REFRESH_PERIOD = 0.2  # period of updates of a page [s]
 TITLE = "Catheter twin"
 STYLE_LINK = '<link rel="stylesheet" href="/web/views.css"><link rel="stylesheet" href="/console/console.css">'
-NOT_BY_HAND = (
+NOT_OPERATED = (
     "This variant follows a script or a recording: controls may have no effect. "
-    f"To operate, choose the variant “{scenario_paths.BY_HAND}”."
+    f"To operate, choose the variant “{scenario_paths.OPERATOR_VARIANT}”."
 )
 NOT_OPERATOR = "This page only watches: another page operates."
 
@@ -218,10 +218,10 @@ def _session(context: PageContext) -> None:
                 Desk(controls(catalog))
                 if (
                     catalog.controls
-                    and catalog.variant != scenario_paths.BY_HAND
-                    and scenario_paths.BY_HAND in catalog.variants
+                    and catalog.variant != scenario_paths.OPERATOR_VARIANT
+                    and scenario_paths.OPERATOR_VARIANT in catalog.variants
                 ):
-                    ui.label(NOT_BY_HAND).classes("twin-state twin-warn")
+                    ui.label(NOT_OPERATED).classes("twin-state twin-warn")
                 if catalog.hardware:
                     safety.panel(context)
             with ui.element("div").classes("twin-card twin-panels"):

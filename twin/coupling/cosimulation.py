@@ -129,10 +129,8 @@ class CoSimulation(StepFailures):
         for link in self.links:
             source, target = link.source.member, link.target.member
             # a slow source publishes at its end: of targets in later stages those that step then see it
-            fresh = stage_index[source] < stage_index[target] and self.step in (
-                self.periods[source],
-                self.periods[target],
-            )
+            periods = self.periods[source], self.periods[target]
+            fresh = stage_index[source] < stage_index[target] and self.step in periods
             if not self.algorithm.is_plain:
                 fresh = (fresh or self.algorithm.iterations > 0) and not {source, target} & set(self._slow)
             at_event = self.members[target].clocked and link.target.variable.variability != "continuous"

@@ -22,7 +22,7 @@ TOPICS = {  # `topic` of a scenario, heading
     "injection": "Injection",
     "drives": "Drives and failures",
 }
-BY_HAND = "by hand"  # variant whose inputs are those of the controls; in others a script or a recording moves
+OPERATOR_VARIANT = "by hand"  # variant whose inputs are those of the controls; in others a script or a recording moves
 SHARE = "share/catheter-twin"  # data folder of the wheel, below the prefix
 
 
@@ -75,7 +75,13 @@ def overview(path: Path) -> Overview:
     duration = f"{stop} s" if stop.replace(".", "").isdigit() else stop
     has_controls = console is not None and (isinstance(console.value, list) or "controls" in console.entries)
     variants = entries["variants"].entries if "variants" in entries else {}
-    return Overview(title, topic, duration, has_controls, BY_HAND if has_controls and BY_HAND in variants else None)
+    return Overview(
+        title,
+        topic,
+        duration,
+        has_controls,
+        OPERATOR_VARIANT if has_controls and OPERATOR_VARIANT in variants else None,
+    )
 
 
 def _inherited(path: Path, entries: Mapping[str, Node], key: str) -> Node | None:

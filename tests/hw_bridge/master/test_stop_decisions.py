@@ -1,4 +1,7 @@
-"""Decisions of the stop, without a bus: what counts as stopped, when a heartbeat ends, what an operator is told."""
+"""Decisions of the stop, without a bus: what counts as stopped, when a heartbeat ends, what an operator is told.
+
+Over 400 lines: one stop, from its first frame to its last sentence.
+"""
 
 import struct
 from types import SimpleNamespace

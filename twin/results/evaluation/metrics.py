@@ -1,5 +1,7 @@
 """Metrics over recorded signals, reference values of the paper, and acceptance criteria.
 
+Over 400 lines: what a scenario asks of its signals, and how it is evaluated and judged.
+
 Everything is in coherent SI units; a metric's own unit is applied for output.
 """
 
