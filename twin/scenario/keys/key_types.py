@@ -159,4 +159,4 @@ Threads = Annotated[int | None, BeforeValidator(thread_limit)]
 class Keys(BaseModel):
     """A group of keys; unknown keys are an error."""
 
-    model_config = ConfigDict(extra="forbid", arbitrary_types_allowed=True, populate_by_name=False)
+    model_config = ConfigDict(extra="forbid", arbitrary_types_allowed=True, populate_by_name=False, defer_build=True)
