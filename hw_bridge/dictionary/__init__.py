@@ -1,65 +1,38 @@
 """The object dictionary of CANopen, and the tables of CiA 301, 401 and 402."""
 
-from hw_bridge.dictionary import cia301, cia401, cia402
-from hw_bridge.dictionary.abort import Abort, Code, describe_abort_code
-from hw_bridge.dictionary.cia301 import NmtState
-from hw_bridge.dictionary.cia402 import Command, Mode, State, command_of, state_of, supported
-from hw_bridge.dictionary.dictionary import Dictionary
-from hw_bridge.dictionary.entry import (
-    I8,
-    I16,
-    I32,
-    OCTETS,
-    TEXT,
-    TYPES,
-    U8,
-    U16,
-    U32,
-    U64,
-    Entry,
-    NodeId,
-    Value,
-    record,
-    sub,
-    var,
-)
-from hw_bridge.dictionary.moves import BLOCKS_FAULHABER, BLOCKS_MAXON, METHODS, REVERSING, HomingEvent, Move
-
-__all__ = [
-    "BLOCKS_FAULHABER",
-    "BLOCKS_MAXON",
-    "I8",
-    "I16",
-    "I32",
-    "METHODS",
-    "OCTETS",
-    "REVERSING",
-    "TEXT",
-    "TYPES",
-    "U8",
-    "U16",
-    "U32",
-    "U64",
-    "Abort",
-    "Code",
-    "Command",
-    "Dictionary",
-    "Entry",
-    "HomingEvent",
-    "Mode",
-    "Move",
-    "NmtState",
-    "NodeId",
-    "State",
-    "Value",
-    "cia301",
-    "cia401",
-    "cia402",
-    "command_of",
-    "describe_abort_code",
-    "record",
-    "state_of",
-    "sub",
-    "supported",
-    "var",
-]
+from hw_bridge.dictionary import cia301 as cia301
+from hw_bridge.dictionary import cia401 as cia401
+from hw_bridge.dictionary import cia402 as cia402
+from hw_bridge.dictionary.abort import Abort as Abort
+from hw_bridge.dictionary.abort import Code as Code
+from hw_bridge.dictionary.abort import describe_abort_code as describe_abort_code
+from hw_bridge.dictionary.cia301 import NmtState as NmtState
+from hw_bridge.dictionary.cia402 import Command as Command
+from hw_bridge.dictionary.cia402 import Mode as Mode
+from hw_bridge.dictionary.cia402 import State as State
+from hw_bridge.dictionary.cia402 import command_of as command_of
+from hw_bridge.dictionary.cia402 import state_of as state_of
+from hw_bridge.dictionary.cia402 import supported as supported
+from hw_bridge.dictionary.dictionary import Dictionary as Dictionary
+from hw_bridge.dictionary.entry import I8 as I8
+from hw_bridge.dictionary.entry import I16 as I16
+from hw_bridge.dictionary.entry import I32 as I32
+from hw_bridge.dictionary.entry import OCTETS as OCTETS
+from hw_bridge.dictionary.entry import TEXT as TEXT
+from hw_bridge.dictionary.entry import TYPES as TYPES
+from hw_bridge.dictionary.entry import U8 as U8
+from hw_bridge.dictionary.entry import U16 as U16
+from hw_bridge.dictionary.entry import U32 as U32
+from hw_bridge.dictionary.entry import U64 as U64
+from hw_bridge.dictionary.entry import Entry as Entry
+from hw_bridge.dictionary.entry import NodeId as NodeId
+from hw_bridge.dictionary.entry import Value as Value
+from hw_bridge.dictionary.entry import record as record
+from hw_bridge.dictionary.entry import sub as sub
+from hw_bridge.dictionary.entry import var as var
+from hw_bridge.dictionary.moves import BLOCKS_FAULHABER as BLOCKS_FAULHABER
+from hw_bridge.dictionary.moves import BLOCKS_MAXON as BLOCKS_MAXON
+from hw_bridge.dictionary.moves import METHODS as METHODS
+from hw_bridge.dictionary.moves import REVERSING as REVERSING
+from hw_bridge.dictionary.moves import HomingEvent as HomingEvent
+from hw_bridge.dictionary.moves import Move as Move

@@ -1,56 +1,36 @@
 """Vendors' drives and modules as data: object dictionary, errors, units, traps. From public facts, no vendor's file."""
 
-from hw_bridge.profiles import acting
-from hw_bridge.profiles.catalog import (
-    DEVICES,
-    DRIVE_PROFILES,
-    GENERIC,
-    UNSUPPORTED_PRODUCTS,
-    device,
-    identity,
-    profile,
-    profile_for,
-    unsupported_product,
-)
-from hw_bridge.profiles.cia402 import generic, units_without_object, unknown_units
-from hw_bridge.profiles.description import Currents, Device, Fault, GivenUnits, Profile, Reaction, Rules, Units
-from hw_bridge.profiles.motor import EFFORT, MotorModel, member_load
-from hw_bridge.profiles.motors import MOTORS, MotorParameters, disagreement, magnetic_pitch, motor_parameters
-from hw_bridge.profiles.quantities import KIND_OF_OBJECT, SCALING, Measure, measure, symbol
-
-__all__ = [
-    "DEVICES",
-    "DRIVE_PROFILES",
-    "EFFORT",
-    "GENERIC",
-    "KIND_OF_OBJECT",
-    "MOTORS",
-    "SCALING",
-    "UNSUPPORTED_PRODUCTS",
-    "Currents",
-    "Device",
-    "Fault",
-    "GivenUnits",
-    "Measure",
-    "MotorModel",
-    "MotorParameters",
-    "Profile",
-    "Reaction",
-    "Rules",
-    "Units",
-    "acting",
-    "device",
-    "disagreement",
-    "generic",
-    "identity",
-    "magnetic_pitch",
-    "measure",
-    "member_load",
-    "motor_parameters",
-    "profile",
-    "profile_for",
-    "symbol",
-    "units_without_object",
-    "unknown_units",
-    "unsupported_product",
-]
+from hw_bridge.profiles import acting as acting
+from hw_bridge.profiles.catalog import DEVICES as DEVICES
+from hw_bridge.profiles.catalog import DRIVE_PROFILES as DRIVE_PROFILES
+from hw_bridge.profiles.catalog import GENERIC as GENERIC
+from hw_bridge.profiles.catalog import UNSUPPORTED_PRODUCTS as UNSUPPORTED_PRODUCTS
+from hw_bridge.profiles.catalog import device as device
+from hw_bridge.profiles.catalog import identity as identity
+from hw_bridge.profiles.catalog import profile as profile
+from hw_bridge.profiles.catalog import profile_for as profile_for
+from hw_bridge.profiles.catalog import unsupported_product as unsupported_product
+from hw_bridge.profiles.cia402 import generic as generic
+from hw_bridge.profiles.cia402 import units_without_object as units_without_object
+from hw_bridge.profiles.cia402 import unknown_units as unknown_units
+from hw_bridge.profiles.description import Currents as Currents
+from hw_bridge.profiles.description import Device as Device
+from hw_bridge.profiles.description import Fault as Fault
+from hw_bridge.profiles.description import GivenUnits as GivenUnits
+from hw_bridge.profiles.description import Profile as Profile
+from hw_bridge.profiles.description import Reaction as Reaction
+from hw_bridge.profiles.description import Rules as Rules
+from hw_bridge.profiles.description import Units as Units
+from hw_bridge.profiles.motor import EFFORT as EFFORT
+from hw_bridge.profiles.motor import MotorModel as MotorModel
+from hw_bridge.profiles.motor import member_load as member_load
+from hw_bridge.profiles.motors import MOTORS as MOTORS
+from hw_bridge.profiles.motors import MotorParameters as MotorParameters
+from hw_bridge.profiles.motors import disagreement as disagreement
+from hw_bridge.profiles.motors import magnetic_pitch as magnetic_pitch
+from hw_bridge.profiles.motors import motor_parameters as motor_parameters
+from hw_bridge.profiles.quantities import KIND_OF_OBJECT as KIND_OF_OBJECT
+from hw_bridge.profiles.quantities import SCALING as SCALING
+from hw_bridge.profiles.quantities import Measure as Measure
+from hw_bridge.profiles.quantities import measure as measure
+from hw_bridge.profiles.quantities import symbol as symbol

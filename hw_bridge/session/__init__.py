@@ -1,13 +1,7 @@
 """One case of a scenario on drives."""
 
-from hw_bridge.session import outputs, targets
-from hw_bridge.session.output_bindings import AGE
-from hw_bridge.session.session import Observers, Session
-
-__all__ = [
-    "AGE",
-    "Observers",
-    "Session",
-    "outputs",
-    "targets",
-]
+from hw_bridge.session import outputs as outputs
+from hw_bridge.session import targets as targets
+from hw_bridge.session.output_bindings import AGE as AGE
+from hw_bridge.session.session import Observers as Observers
+from hw_bridge.session.session import Session as Session

@@ -1,78 +1,44 @@
 """Authoring interface of components: variables with units, components in Python, solvers, noise, linter, catalog."""
 
-from twin.component import buffers, catalog, solver, source, source_import, unit
-from twin.component.component import (
-    CONNECTABLE,
-    Component,
-    PythonComponent,
-    evaluation,
-    functions,
-    inputs_of,
-    resampled,
-)
-from twin.component.generated import define
-from twin.component.noise import normal, seed_stream, uniform
-from twin.component.solver import DISCARD, ERROR, FATAL, OK, WARNING, euler, heun, rk4, ros2
-from twin.component.variable import (
-    Boolean,
-    Float64,
-    Int32,
-    Int64,
-    MemoryLayout,
-    Role,
-    Terminal,
-    Type,
-    Variable,
-    input,
-    layout,
-    local,
-    output,
-    parameter,
-    state,
-    terminal,
-)
-
-__all__ = [
-    "CONNECTABLE",
-    "DISCARD",
-    "ERROR",
-    "FATAL",
-    "OK",
-    "WARNING",
-    "Boolean",
-    "Component",
-    "Float64",
-    "Int32",
-    "Int64",
-    "MemoryLayout",
-    "PythonComponent",
-    "Role",
-    "Terminal",
-    "Type",
-    "Variable",
-    "buffers",
-    "catalog",
-    "define",
-    "euler",
-    "evaluation",
-    "functions",
-    "heun",
-    "input",
-    "inputs_of",
-    "layout",
-    "local",
-    "normal",
-    "output",
-    "parameter",
-    "resampled",
-    "rk4",
-    "ros2",
-    "seed_stream",
-    "solver",
-    "source",
-    "source_import",
-    "state",
-    "terminal",
-    "uniform",
-    "unit",
-]
+from twin.component import buffers as buffers
+from twin.component import catalog as catalog
+from twin.component import solver as solver
+from twin.component import source as source
+from twin.component import source_import as source_import
+from twin.component import unit as unit
+from twin.component.component import CONNECTABLE as CONNECTABLE
+from twin.component.component import Component as Component
+from twin.component.component import PythonComponent as PythonComponent
+from twin.component.component import evaluation as evaluation
+from twin.component.component import functions as functions
+from twin.component.component import inputs_of as inputs_of
+from twin.component.component import resampled as resampled
+from twin.component.generated import define as define
+from twin.component.noise import normal as normal
+from twin.component.noise import seed_stream as seed_stream
+from twin.component.noise import uniform as uniform
+from twin.component.solver import DISCARD as DISCARD
+from twin.component.solver import ERROR as ERROR
+from twin.component.solver import FATAL as FATAL
+from twin.component.solver import OK as OK
+from twin.component.solver import WARNING as WARNING
+from twin.component.solver import euler as euler
+from twin.component.solver import heun as heun
+from twin.component.solver import rk4 as rk4
+from twin.component.solver import ros2 as ros2
+from twin.component.variable import Boolean as Boolean
+from twin.component.variable import Float64 as Float64
+from twin.component.variable import Int32 as Int32
+from twin.component.variable import Int64 as Int64
+from twin.component.variable import MemoryLayout as MemoryLayout
+from twin.component.variable import Role as Role
+from twin.component.variable import Terminal as Terminal
+from twin.component.variable import Type as Type
+from twin.component.variable import Variable as Variable
+from twin.component.variable import input as input
+from twin.component.variable import layout as layout
+from twin.component.variable import local as local
+from twin.component.variable import output as output
+from twin.component.variable import parameter as parameter
+from twin.component.variable import state as state
+from twin.component.variable import terminal as terminal

@@ -1,33 +1,18 @@
 """Processes of a run: a supervised worker and the supervisor that saves its recording. Imports no large packages."""
 
-from twin.process.crash_report import CrashReport
-from twin.process.process_identity import (
-    PREFIX,
-    alive,
-    cores,
-    memory_is_limited,
-    process_identity,
-    temporary_folder_for,
-)
-from twin.process.stop import SIGNALS, Stop, handle_signals, is_interrupted
-from twin.process.supervisor import command_line, end, supervise
-from twin.process.supervisor_channel import LogLines, SupervisorChannel
-
-__all__ = [
-    "PREFIX",
-    "SIGNALS",
-    "CrashReport",
-    "LogLines",
-    "Stop",
-    "SupervisorChannel",
-    "alive",
-    "command_line",
-    "cores",
-    "end",
-    "handle_signals",
-    "is_interrupted",
-    "memory_is_limited",
-    "process_identity",
-    "supervise",
-    "temporary_folder_for",
-]
+from twin.process.crash_report import CrashReport as CrashReport
+from twin.process.process_identity import PREFIX as PREFIX
+from twin.process.process_identity import alive as alive
+from twin.process.process_identity import cores as cores
+from twin.process.process_identity import memory_is_limited as memory_is_limited
+from twin.process.process_identity import process_identity as process_identity
+from twin.process.process_identity import temporary_folder_for as temporary_folder_for
+from twin.process.stop import SIGNALS as SIGNALS
+from twin.process.stop import Stop as Stop
+from twin.process.stop import handle_signals as handle_signals
+from twin.process.stop import is_interrupted as is_interrupted
+from twin.process.supervisor import command_line as command_line
+from twin.process.supervisor import end as end
+from twin.process.supervisor import supervise as supervise
+from twin.process.supervisor_channel import LogLines as LogLines
+from twin.process.supervisor_channel import SupervisorChannel as SupervisorChannel

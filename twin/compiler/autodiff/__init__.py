@@ -6,6 +6,5 @@ branch is taken. At a kink the slope is that of the branch; where a square root 
 so that sqrt(x) * x keeps its finite one. What is not understood is a reason, not a guess.
 """
 
-from twin.compiler.autodiff.component import Tangents, tangents
-
-__all__ = ["Tangents", "tangents"]
+from twin.compiler.autodiff.component import Tangents as Tangents
+from twin.compiler.autodiff.component import tangents as tangents

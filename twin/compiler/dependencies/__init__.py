@@ -4,6 +4,5 @@ It errs on the side of more: order is ignored, an array is one thing, and where 
 variable is said to depend on every other. A dependency that is named may not exist; one that is not named does not.
 """
 
-from twin.compiler.dependencies.component import dependencies, flow
-
-__all__ = ["dependencies", "flow"]
+from twin.compiler.dependencies.component import dependencies as dependencies
+from twin.compiler.dependencies.component import flow as flow

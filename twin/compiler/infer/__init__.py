@@ -5,9 +5,11 @@ real), so the text is gone over until nothing changes. On the way it is found wh
 calling it has any other effect than its result.
 """
 
-from twin.compiler.infer.expressions import element
-from twin.compiler.infer.program import Program, TypedFunction
-from twin.compiler.infer.statements import Inference, is_range, program
-from twin.compiler.infer.static import OPERATORS, NotStaticError
-
-__all__ = ["OPERATORS", "Inference", "NotStaticError", "Program", "TypedFunction", "element", "is_range", "program"]
+from twin.compiler.infer.expressions import element as element
+from twin.compiler.infer.program import Program as Program
+from twin.compiler.infer.program import TypedFunction as TypedFunction
+from twin.compiler.infer.statements import Inference as Inference
+from twin.compiler.infer.statements import is_range as is_range
+from twin.compiler.infer.statements import program as program
+from twin.compiler.infer.static import OPERATORS as OPERATORS
+from twin.compiler.infer.static import NotStaticError as NotStaticError

@@ -1,1 +1,5 @@
 """Recorded signals: files of rows, folders of runs, and reading them."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

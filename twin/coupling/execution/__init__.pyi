@@ -1,0 +1,1 @@
+from . import condition_loop as condition_loop

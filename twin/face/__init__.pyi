@@ -1,0 +1,13 @@
+from .finished_run import Run as Run
+from .finished_run import open_run as open_run
+from .finished_study import StudyResult as StudyResult
+from .finished_study import open_study as open_study
+from .fmus import export as export
+from .fmus import simulate as simulate
+from .scenario import Scenario as Scenario
+from .scenario import follow as follow
+from .scenario import live as live
+from .scenario import load as load
+from .scenario import run as run
+from .simulation import Simulation as Simulation
+from .system import System as System

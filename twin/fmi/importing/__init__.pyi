@@ -1,0 +1,1 @@
+from . import csv_source as csv_source

@@ -1,0 +1,1 @@
+from . import replay as replay

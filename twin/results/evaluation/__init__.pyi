@@ -1,0 +1,2 @@
+from . import dimension as dimension
+from . import expression as expression

@@ -1,0 +1,17 @@
+from .flat import FlatConnection as FlatConnection
+from .flat import FlatMember as FlatMember
+from .flat import FlatSystem as FlatSystem
+from .flat import flatten as flatten
+from .model import Linear as Linear
+from .names import element_name as element_name
+from .names import member_name as member_name
+from .outputs import promote_locals_to_outputs as promote_locals_to_outputs
+from .package import DEFAULT as DEFAULT
+from .package import EXTRA as EXTRA
+from .package import Variant as Variant
+from .package import open_package as open_package
+from .ssp_annotations import read_annotations as read_annotations
+from .writer import OutlineComponent as OutlineComponent
+from .writer import OutlineConnection as OutlineConnection
+from .writer import SystemOutline as SystemOutline
+from .writer import write as write

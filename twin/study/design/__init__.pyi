@@ -1,0 +1,16 @@
+from .common_prefix import CommonPrefixes as CommonPrefixes
+from .common_prefix import VariantInputs as VariantInputs
+from .distribution import Distribution as Distribution
+from .factor import Assignment as Assignment
+from .factor import Factor as Factor
+from .factor import option as option
+from .keys import KeepKeys as KeepKeys
+from .loading import load_study as load_study
+from .request import SAMPLED as SAMPLED
+from .request import StudyRequest as StudyRequest
+from .request import is_cut as is_cut
+from .sampling import design as design
+from .sampling import problem as problem
+from .sampling import valued as valued
+from .study import Limit as Limit
+from .study import Study as Study

@@ -1,0 +1,15 @@
+from .case_engine import Engine as Engine
+from .case_engine import Job as Job
+from .progress import StudyProgress as StudyProgress
+from .progress import TimeEstimate as TimeEstimate
+from .stored_case import repeat as repeat
+from .stored_case import resolve_case as resolve_case
+from .stored_case import single as single
+from .stored_case import stored_case_folder as stored_case_folder
+from .stored_case import stored_cases as stored_cases
+from .stored_case import study_of_run as study_of_run
+from .study_runner import StudyOutcome as StudyOutcome
+from .study_runner import estimate_time as estimate_time
+from .study_runner import latest as latest
+from .study_runner import run_study as run_study
+from .study_runner import searched_cases as searched_cases

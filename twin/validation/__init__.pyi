@@ -1,0 +1,10 @@
+from .frozen import FrozenSet as FrozenSet
+from .frozen import frozen_path as frozen_path
+from .frozen import frozen_text as frozen_text
+from .frozen import read_frozen as read_frozen
+from .page import html as html
+from .runner import Prediction as Prediction
+from .runner import ValidationFile as ValidationFile
+from .runner import fit_and_freeze as fit_and_freeze
+from .runner import load as load
+from .runner import validate as validate
