@@ -12,7 +12,7 @@ from typing import Any
 from twin import installed
 
 ENGINE = Path(__file__).parents[1]
-SUFFIXES = (".py", ".c", ".h", ".html", ".xsd")
+SUFFIXES = (".py", ".pyi", ".c", ".h", ".html", ".xsd")
 LIBRARIES = ("numpy", "scipy", "ziglang", "pint", "jinja2", "markdown-it-py")  # whose versions decide what is written
 VERSIONED = {"numpy", "scipy"}  # packages that change with their version only
 
