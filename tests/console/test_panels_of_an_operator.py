@@ -241,10 +241,10 @@ def test_commands_are_listed_the_latest_first(setting, monkeypatch):
     with one.page:
         operator_panel.done(one.context, one.live)
     assert one.page.shown() == ["download as scenario", "No commands yet."]
-    texts = ["set a.k = 3", "set a.x = 0.1", "set a.x = 0.2", "load"]
+    texts = ["set a.k = 3", "set a.x = 100 mm", "set a.x = 200 mm", "load"]
     one.live.done.extend(ExecutedCommand(i, 0.25 * i, "set", text, "", i != 3) for i, text in enumerate(texts))
     one.page.tick()
-    shown = ["0.750 s", "load", "0.250 s", "hand: held at +100 mm", "0.000 s", "set a.k = 3"]
+    shown = ["0.750 s", "load", "0.250 s", "hand: held at 100 mm", "0.000 s", "set a.k = 3"]
     assert one.page.shown()[1:] == shown
     soft = [label.text for label in one.page.elements(ui.label) if "twin-soft" in label.classes]
     assert [text for text in soft if not text.endswith(" s")] == ["load"]
@@ -254,7 +254,7 @@ def test_commands_are_listed_the_latest_first(setting, monkeypatch):
     monkeypatch.setattr(operator_panel, "MAX_COMMANDS", 3)
     one.live.done.append(ExecutedCommand(9, 9.0, "set", "stop", ""))
     one.page.tick()
-    assert one.page.shown()[2::2] == ["stop", "load", "hand: held at +100 mm"]
+    assert one.page.shown()[2::2] == ["stop", "load", "hand: held at 100 mm"]
 
 
 def test_a_session_is_downloaded_as_a_scenario(setting):
@@ -339,7 +339,7 @@ def test_the_score_follows_the_signal(setting):
     assert one.page.shown() == ["Tip: 0 of 2 targets, next: A"]
     one.live.values["read"] = lambda names: rows if names == ["a.tip[1]"] else None
     one.page.tick()
-    line = "Tip: 1 of 2 targets, next: B; 1.0 s, path 2000 mm"
+    line = "Tip: 1 of 2 targets, next: B; 1.0 s, path length 2000 mm"
     assert (one.page.shown(), marked) == ([line], [["A"]])
 
     def refuse(_):

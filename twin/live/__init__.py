@@ -9,7 +9,7 @@ from twin import CallablePackage
 from twin.live.catalog import Catalog, CatalogControl, CatalogEvent, CatalogSignal
 from twin.live.channel import Channel, ClosedError
 from twin.live.live_session import OVER, ExecutedCommand, LiveSession
-from twin.live.operator.dead_man_switch import HOLD, DeadManSwitch
+from twin.live.operator.dead_man_switch import EXPIRED, HOLD, DeadManSwitch
 from twin.live.pacing import Pace, checked_rate
 from twin.live.recording_reader import RecordingReader, RefusedError
 
@@ -22,6 +22,7 @@ __getattr__, _, _ = lazy_loader.attach(
 )
 
 __all__ = [
+    "EXPIRED",
     "HOLD",
     "OVER",
     "Catalog",
