@@ -19,7 +19,7 @@ from collections import deque
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from hw_bridge.command.bench.motion import READY
+from hw_bridge.command.bench.motion import EXPIRED, READY
 from hw_bridge.command.state_watch import StateWatch
 from hw_bridge.commission import HOLD
 from hw_bridge.hardware import load
@@ -81,9 +81,14 @@ class Typed:
         return (f"jog {self.node}",) if self.word == "jog" and self.running and READY in self.text else ()
 
     @property
+    def has_expired(self) -> bool:
+        """Whether the dead-man switch of the running jog has ended its latest motion."""
+        return self.running and self.text.rstrip().endswith(EXPIRED)
+
+    @property
     def held(self) -> Mapping[str, float]:
         """Deflection of the button, while renewed."""
-        at, renewed = self._held
+        at, renewed = (0.0, 0.0) if self.has_expired else self._held
         return dict.fromkeys(self.controls, at) if at and time.monotonic() - renewed < HOLD / 1e9 else {}
 
     def needs_arm(self, word: str) -> bool:

@@ -132,7 +132,8 @@ def test_limits_of_a_drive_beside_those_of_the_file():
         (0x1008, 0, "MC", "MC"),
         (0x1800, 2, 9, "9"),
         (0x1800, 2, 10, "Ah"),
-        (0x1016, 1, 0x7F003C, "8323132"),
+        (0x1016, 1, 0x7F003C, "node 127 lost after 60 ms (7F003Ch)"),
+        (0x1016, 1, 0x7F0000, "off (7F0000h)"),
         (0x60FE, 1, 12, "12"),
     ],
 )

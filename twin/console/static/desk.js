@@ -105,7 +105,7 @@ export default {
       const held = JSON.stringify(state.held || {});
       if (held !== this.heldText) { this.heldText = held; this.held = state.held || {}; }
       const dropped = this.controls.some((one) => this.deflections[one.name] && !(one.input in this.held));
-      this.dropped = dropped && this.operator && state.phase ? this.dropped + 1 : 0;
+      this.dropped = dropped && this.operator && (state.phase || !this.session) ? this.dropped + 1 : 0;
       this.gamepad();
       this.hands.renewAll();
     },
