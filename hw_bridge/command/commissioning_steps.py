@@ -180,7 +180,7 @@ def missing(step: Step, values: dict[str, Any]) -> str:
         return ""
     by, to = (str(values.get(entry.option) or "").strip() for entry in (BY, TO))
     if bool(by) == bool(to):
-        return "Fill in either “by” or “to”."
+        return "Fill in either “by” or “to”." if TO.option in values else "Fill in “by”."
     return f"“to” needs a home position: {HOMED.label}." if to and not values.get("homed") else ""
 
 

@@ -13,6 +13,7 @@ import signal
 import socket
 import subprocess
 import sys
+import textwrap
 import threading
 import time
 from collections import deque
@@ -52,6 +53,7 @@ class Typed:
         self.done: deque[tuple[float, str, int]] = deque(
             maxlen=HISTORY_LENGTH
         )  # when it began, what was typed, its exit code
+        self.outputs: deque[str] = deque(maxlen=HISTORY_LENGTH)  # what each of `done` has printed
         self.changed = 0
         self.running = False
         self.process: subprocess.Popen[bytes] | None = None
@@ -158,6 +160,7 @@ class Typed:
             self.text = settled(self.text + data.decode(errors="replace"))
             self.changed += 1
         process.stdout.close()
+        self.outputs.appendleft(self.text)
         self.done.appendleft((begin_time, self.line, process.wait()))
         page, self._page = self._page, None
         if page is not None:
@@ -168,10 +171,12 @@ class Typed:
         self.changed += 1
 
     def record(self) -> str:
-        """Text of the commands that have ended, the first first: when each began, its command line, its exit code."""
+        """Text of the commands that have ended, the first first: when each began, its command line, exit code and output."""
+        commands = zip(reversed(list(self.done)), reversed(list(self.outputs)), strict=False)
         return "".join(
             f"{time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(begin_time))}  {line}  exit code {code}\n"
-            for begin_time, line, code in reversed(list(self.done))
+            f"{textwrap.indent(output.rstrip(), '    ')}\n"
+            for (begin_time, line, code), output in commands
         )
 
     def switch_watch(self, is_on: bool) -> None:

@@ -328,6 +328,7 @@ def test_a_move_needs_one_goal():
     (move,) = [one for one in STEPS if one.word == "move"]
     assert missing(move, {"by": "", "to": ""}) == missing(move, {"by": "1 mm", "to": "1 mm"}) != ""
     assert missing(move, {"by": "1 mm"}) == missing(move, {"to": "1 mm", "homed": True}) == ""
+    assert missing(move, {"by": ""}) == "Fill in “by”."  # a drive without homing has no “to”
     assert "homed since power-on" in missing(move, {"to": "1 mm"})
 
 
@@ -350,7 +351,14 @@ def test_what_one_watches_over_stands_there_in_words():
     told = safety.drives(TOLD)
     assert "&lt;b&gt;" in told
     assert "<b>" not in told.replace("<b>servomotor</b>", "")
-    for text in ("3210h overvoltage. Check the supply.", "heartbeat 4 of 60 ms", "2 lost", "twin-warn", "twin-bad"):
+    for text in (
+        "3210h overvoltage. Check the supply.",
+        "heartbeat 4 of 60 ms",
+        "4.5 N</span>",
+        "2 lost",
+        "twin-warn",
+        "twin-bad",
+    ):
         assert text in told
     assert "sensor.force is 0.191 N, stops above 0.4 N<" in safety.details(TOLD)
     residual = {"position": 1e-3, "velocity": None, "current": 0.5}

@@ -81,7 +81,7 @@ def bar(limit: Mapping[str, Any]) -> str:
     return (
         f'<div class="twin-limit" title="{escaped(text)}"><span>{escaped(limit["name"])}</span>'
         f'<i><b class="twin-{kind}" style="width:{100 * part:.0f}%"></b></i>'
-        f'<span class="twin-figures">{100 * part:.0f} %</span></div>'
+        f'<span class="twin-figures">{limit["value"]:.3g} {escaped(limit["unit"])}</span></div>'
     )
 
 

@@ -269,6 +269,7 @@ def test_a_command_runs_in_a_process_of_its_own(typed, monkeypatch, word, attend
     assert (runner.running, runner.attended, runner.text) == (False, False, "second\n")
     ((_, line, code),) = runner.done
     assert (line, code) == (runner.line, 3)
+    assert runner.record().splitlines()[-1] == "    second"
     assert runner.changed == 3  # begun, printed, ended
     runner.stop()
     assert runner.process.signals == [2]
