@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
@@ -96,7 +98,8 @@ def row(
     """Create one value: a switch, or a field with its unit, and a slider between `ends` or the declared bounds [SI]."""
     now = live.state.values.get(name, _start(name, signal))
     with ui.element("div").classes("twin-value full-width").tooltip(signal.description):
-        ui.label(name).classes("twin-name")
+        # a long name breaks behind a dot or an underscore
+        ui.html(re.sub(r"([._])", r"\1<wbr>", escape(name)), sanitize=False).classes("twin-name")
         if signal.type == "Boolean":
             ui.switch(value=bool(now), on_change=lambda said: context.run(live.set, name, said.value is True)).props(
                 f'dense aria-label="{name}"'
