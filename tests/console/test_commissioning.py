@@ -360,6 +360,9 @@ def test_what_one_watches_over_stands_there_in_words():
         "twin-bad",
     ):
         assert text in told
+    assert "heartbeat 4 of" not in safety.drives({**TOLD, "stopped": "stopped"})  # it would only grow
+    assert ">-0.312 mm</span>" in safety.bar({**LIMIT, "value": -3.12e-4, "unit": "m"})
+    assert '"57.3 of -286.5 to 286.5 deg/s"' in safety.bar({**LIMIT, "value": 1.0, "unit": "rad/s"})
     assert "sensor.force is 0.191 N, stops above 0.4 N<" in safety.details(TOLD)
     residual = {"position": 1e-3, "velocity": None, "current": 0.5}
     shadow = {"now": residual, "bands": residual, "largest": residual, "warnings": ["Look at <it>."]}
