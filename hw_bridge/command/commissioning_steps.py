@@ -113,7 +113,7 @@ STEPS = (  # in the order of the first-motion page
 )
 ANY_TIME = (
     Step("reset", "reset", "Tells what a drive in Fault says of its cause, then resets it. Power stays off."),
-    Step("enable", "enable", "Power on, its place held, until you end it.", (HOMED,)),
+    Step("enable", "enable", "Power on, the position held until End.", (HOMED,)),
     Step("disable", "disable", "Quick stop and power off, for a drive that another program left on."),
 )
 
