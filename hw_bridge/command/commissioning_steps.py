@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from hw_bridge.command.bench.motion import GENTLE, ROUND, SLOW
 from hw_bridge.command.bench.step import SHARE
-from hw_bridge.commission import EXAMPLES, SLOWEST_STOP
+from hw_bridge.commission import EXAMPLES, SLOWEST_STOP, direction, homing
 from hw_bridge.hardware import TARGET_SHARE
 from twin.errors import TwinError
 
@@ -41,7 +41,10 @@ DISTANCE, HOMED = Entry("distance", "at most, each way"), Entry("homed", "homed 
 
 @dataclass(frozen=True)
 class Step:
-    """A command with its fields. `always`: options of this button. `is_bus_wide`: it names no node."""
+    """A command with its fields. `always`: options of this button. `is_bus_wide`: it names no node.
+
+    `after`: command that must have succeeded before, unless the drive was commissioned earlier.
+    """
 
     word: str
     button: str
@@ -49,6 +52,7 @@ class Step:
     entries: tuple[Entry, ...] = ()
     always: tuple[str, ...] = ()
     is_bus_wide: bool = False
+    after: str = ""
 
     @property
     def title(self) -> str:
@@ -75,31 +79,41 @@ STEPS = (  # in the order of the first-motion page
         "push",
         "A push of slowly growing force both ways, a few increments far: does the encoder count the way "
         "the motor goes? Nothing holds the axis meanwhile.",
+        after="check",
     ),
     Step(
         "direction",
         "by hand",
         "Power off: move it to where positions of the member grow, within 20 s. Is `inverted` right?",
         always=("--by-hand",),
+        after="check",
     ),
     Step(
         "jog",
         "power on for a jog",
         "Then it moves while you hold a button or an arrow key.",
         (VELOCITY, ACCELERATION, DISTANCE, HOMED),
+        after="direction",
     ),
-    Step("move", "move", "Goes there with a ramp, rests, and is disabled.", (BY, TO, VELOCITY, ACCELERATION, HOMED)),
-    Step("home", "home", ""),
+    Step(
+        "move",
+        "move",
+        "Goes there with a ramp, rests, and is disabled.",
+        (BY, TO, VELOCITY, ACCELERATION, HOMED),
+        after="jog",
+    ),
+    Step("home", "home", "", after="jog"),
     Step(
         "step",
         "step",
         "A small jump of its target, drawn beside the simulated drive's.",
         (BY, Entry("explain", "find the gains that explain a difference", None)),
+        after="jog",
     ),
 )
 ANY_TIME = (
     Step("reset", "reset", "Tells what a drive in Fault says of its cause, then resets it. Power stays off."),
-    Step("enable", "enable", "Power on, its place held, until you end it.", (HOMED,)),
+    Step("enable", "enable", "Power on, the position held until End.", (HOMED,)),
     Step("disable", "disable", "Quick stop and power off, for a drive that another program left on."),
 )
 
@@ -166,7 +180,7 @@ def missing(step: Step, values: dict[str, Any]) -> str:
         return ""
     by, to = (str(values.get(entry.option) or "").strip() for entry in (BY, TO))
     if bool(by) == bool(to):
-        return "Fill in either “by” or “to”."
+        return "Fill in either “by” or “to”." if TO.option in values else "Fill in “by”."
     return f"“to” needs a home position: {HOMED.label}." if to and not values.get("homed") else ""
 
 
@@ -198,6 +212,26 @@ def is_step(step: Step, name: str, line: str) -> bool:
         and (step.is_bus_wide or name in words[3:5])
         and VARIANTS.intersection(words) == VARIANTS.intersection(step.always)
     )
+
+
+def unavailable(step: Step, axis: Axis, simulated: bool) -> str:
+    """Why this drive has not got a step; empty if it has."""
+    if step.word == "home" and axis.keys.homing is None:
+        return f"{axis.name}: {homing.NO_HOMING}"
+    if step.always and simulated:
+        return "A simulated drive cannot be pushed by hand. This step is for real ones."
+    if step.word == "direction" and not step.always and not direction.can_push(axis.keys.drive):
+        return f"{axis.keys.drive.title} has no cst to push with. Use “by hand”, then a short jog."
+    return ""
+
+
+def prerequisite(step: Step, name: str, done: Iterable[tuple[float, str, int]]) -> str:
+    """Which step must succeed before this one; empty if none, or if one of that command has."""
+    before = {f"{number} ({each.title})": each for number, each in enumerate(STEPS, 1) if each.word == step.after}
+    done = list(done)
+    if not before or any(is_done(each, name, done) for each in before.values()):
+        return ""
+    return f"Do step {' or '.join(before)} first."
 
 
 def is_done(step: Step, name: str, done: Iterable[tuple[float, str, int]]) -> bool:

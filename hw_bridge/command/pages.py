@@ -21,7 +21,7 @@ from hw_bridge.command.bench.motion import ramp
 from hw_bridge.command.bench.single_axis import STOPPED_IN_STATE
 from hw_bridge.command.commissioning_steps import ANY_TIME, READING, STEPS, Entry, Step
 from hw_bridge.command.typed import Typed
-from hw_bridge.commission import axis, homing
+from hw_bridge.commission import HOLD, axis, homing
 from hw_bridge.hardware import NodeKeys
 from twin.console import Panel
 from twin.errors import TwinError
@@ -43,6 +43,10 @@ LIVE = {"6041h": "state", "6064h": "position", "606Ch": "velocity", "6078h": "cu
 RAW = re.compile(r" \([^()]*\)$")  # value in the drive's own unit, behind a quantity
 ERROR = re.compile(r"(?:^|(?<=  ))error: ", re.MULTILINE)  # before the error that a command prints at its end
 JOG_END = re.compile(r"(upper|lower) end \((.*)\)\s*$")  # at the end of the live values of a jog
+EXPIRED = (
+    f"Stopped by the dead-man switch: this page answered later than {HOLD // 10**6} ms. "
+    "Release the button, then hold it again."
+)
 STOPPED = 130  # exit code after Ctrl-C, which STOP and Esc send
 SIMULATED = (
     "Each command starts new simulated drives: positions count from 0 again, and nothing stays set. "
@@ -56,6 +60,7 @@ class Page:
     def __init__(self, console: Host, is_operator: Callable[[], bool], typed: Typed) -> None:
         self.console, self.is_operator, self.typed = console, is_operator, typed
         self.folder = console.runs / "commissioning"
+        self.commissioned: set[str] = set()  # drives whose steps need no order
         self.updates: list[
             Callable[[], None]
         ] = []  # of buttons and steps, when a command begins, ends or a field changes
@@ -151,11 +156,17 @@ def drive(page: Page, drive_axis: Axis) -> None:
         f"node {drive_axis.keys.node}, {to_text(low)} to {to_text(high)}, {to_text(limits.velocity, '/s')}, "
         f"{to_text(limits.acceleration, '/s^2')}; limits are those of the hardware file"
     ).classes("twin-soft")
+
+    def change(event: ValueChangeEventArguments[Any]) -> None:
+        (page.commissioned.add if event.value else page.commissioned.discard)(name)
+        page.update()
+
+    ui.switch("commissioned before: steps in any order", on_change=change).props("dense")
     items: list[tuple[Step, Element]] = []
     with (
         ui.stepper(value=STEPS[0].title)
         .props("vertical header-nav flat active-icon=none done-icon=none")
-        .classes("full-width")
+        .classes("full-width") as stepper
     ):
         for number, command_step in enumerate(STEPS, 1):
             # the library calls each step before the chosen one done: here it is, once its command has succeeded
@@ -169,14 +180,30 @@ def drive(page: Page, drive_axis: Axis) -> None:
             step(page, command_step, drive_axis)
         items.append((command_step, expansion))
 
+    done_steps: list[Step] = []
+
     def mark() -> None:
         for command_step, item in items:
             runs = typed.running and steps.is_step(command_step, name, typed.line)
-            item.props("caption=running") if runs else item.props(remove="caption")
-            if command_step in STEPS and steps.is_done(command_step, name, list(typed.done)):
+            item.props["caption"] = (
+                "running"
+                if runs
+                else steps.unavailable(command_step, drive_axis, page.typed.keys.simulated).partition(". ")[0] or None
+            )
+            is_new = command_step in STEPS and command_step not in done_steps
+            if is_new and steps.is_done(command_step, name, list(typed.done)):
+                done_steps.append(command_step)
                 item.props(DONE, remove="prefix")
+                if stepper.value == command_step.title:
+                    stepper.value = next_step(command_step, drive_axis, typed.keys.simulated)
 
     page.updates.append(mark)
+
+
+def next_step(before: Step, drive_axis: Axis, simulated: bool) -> str:
+    """Title of the next step that the drive has; the same if there is none."""
+    later = STEPS[STEPS.index(before) + 1 :]
+    return next((each.title for each in later if not steps.unavailable(each, drive_axis, simulated)), before.title)
 
 
 def step(page: Page, command_step: Step, drive_axis: Axis) -> None:
@@ -204,6 +231,8 @@ def field(page: Page, command_step: Step, entry: Entry, values: dict[str, Any], 
         values[entry.option] = event.value
         page.update()
 
+    if entry in (steps.TO, steps.HOMED) and drive_axis.keys.homing is None:
+        return
     if entry.per is None:
         ui.checkbox(entry.label, on_change=change).props("dense")
         return
@@ -238,7 +267,7 @@ def step_button(
         is_wrong = drive_axis is not None and any(
             steps.problem(command_step, entry, values[entry.option] or "", drive_axis)
             for entry in command_step.entries
-            if entry.per is not None
+            if entry.per is not None and entry.option in values
         )
         button.set_enabled(not typed.running and not reason.text and not is_wrong)
 
@@ -247,14 +276,14 @@ def step_button(
 
 def refusal(page: Page, command_step: Step, name: str, values: dict[str, Any], drive_axis: Axis | None) -> str:
     """Why a step cannot begin, apart from a running command and wrong fields; empty if it can."""
-    if command_step.word == "home" and drive_axis is not None and drive_axis.keys.homing is None:
-        return f"{name}: {homing.NO_HOMING}"
-    if command_step.always and page.typed.keys.simulated:
-        return "A simulated drive cannot be pushed by hand. This step is for real ones."
+    if drive_axis is not None and (reason := steps.unavailable(command_step, drive_axis, page.typed.keys.simulated)):
+        return reason
     if page.typed.needs_arm(command_step.word) and not command_step.always:
         return "Real drives, not armed: end this console and start it with --arm."
     if command_step.word == "compare" and not page.dump(name).is_file():
         return "Dump first."
+    if name not in page.commissioned and (before := steps.prerequisite(command_step, name, page.typed.done)):
+        return before
     return steps.missing(command_step, values)
 
 
@@ -312,7 +341,7 @@ def now(page: Page) -> None:
         show_running(page)
 
     running_command()
-    end = ui.label("").classes("twin-state twin-warn").props("role=status")
+    end = ui.label("").props("role=status")
     text = ui.label("").classes("twin-told twin-bench-said")
     plot = ui.html("", sanitize=False)
     before = ui.html("", sanitize=False)
@@ -322,7 +351,8 @@ def now(page: Page) -> None:
             return
         last_shown["changed"] = typed.changed
         text.text = typed.text if typed.running else parts(typed)[0]
-        end.text = end_text(typed)
+        kind, end.text = jog_state(typed)
+        end.classes(replace=f"twin-state twin-{kind}")
         end.visible = bool(end.text)
         stage = (typed.running, typed.line, typed.controls)
         if last_shown.get("stage") == stage:
@@ -337,12 +367,17 @@ def now(page: Page) -> None:
     ui.timer(REFRESH_PERIOD, look)
 
 
-def end_text(typed: Typed) -> str:
-    """Which end of a jog is reached, and that only the other direction moves; empty in between."""
-    reached = JOG_END.search(typed.text) if typed.running else None
-    if reached is None:
-        return ""
-    return f"At the {reached[1]} end of this jog, by {reached[2]}: only the other direction moves."
+def jog_state(typed: Typed) -> tuple[str, str]:
+    """Kind and sentence of what a running jog does: ready, stopped by its dead-man switch, at an end; empty without one."""
+    if not typed.running or typed.word != "jog":
+        return "neutral", ""
+    if not typed.controls:
+        return "neutral", "powering on ... Keys have no effect yet."
+    if typed.has_expired:
+        return "warn", EXPIRED
+    if reached := JOG_END.search(typed.text):
+        return "warn", f"At the {reached[1]} end of this jog, by {reached[2]}: only the other direction moves."
+    return "good", "ready: hold an arrow key or a button"
 
 
 def show_running(page: Page) -> None:
@@ -358,7 +393,7 @@ def show_running(page: Page) -> None:
     with ui.row().classes("items-center full-width no-wrap"):
         ui.label(typed.line).classes("twin-told col")
         if typed.running and typed.word in ENDED:
-            ui.button("end", on_click=lambda: page.run_as_operator(typed.end)).props("dense no-caps outline")
+            ui.button("End", on_click=lambda: page.run_as_operator(typed.end)).props("dense no-caps outline")
         elif typed.running:
             ui.spinner(size="20px")
     if not typed.running and typed.done:
@@ -367,9 +402,6 @@ def show_running(page: Page) -> None:
         ui.button("download record", on_click=lambda: ui.download.content(typed.record(), "commissioning.txt")).props(
             "dense no-caps flat"
         )
-    if typed.running and typed.word == "jog":
-        text = "ready: hold an arrow key or a button" if typed.controls else "powering on ... Keys have no effect yet."
-        ui.label(text).classes("twin-state" + " twin-good" * bool(typed.controls))
     for name in typed.controls:
         speed, unit = typed.speed
         Desk([control(name, name, "Held: it moves.", ("ArrowRight", "ArrowLeft"), unit, speed)])

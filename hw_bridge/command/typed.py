@@ -13,13 +13,14 @@ import signal
 import socket
 import subprocess
 import sys
+import textwrap
 import threading
 import time
 from collections import deque
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from hw_bridge.command.bench.motion import READY
+from hw_bridge.command.bench.motion import EXPIRED, READY
 from hw_bridge.command.state_watch import StateWatch
 from hw_bridge.commission import HOLD
 from hw_bridge.hardware import load
@@ -52,6 +53,7 @@ class Typed:
         self.done: deque[tuple[float, str, int]] = deque(
             maxlen=HISTORY_LENGTH
         )  # when it began, what was typed, its exit code
+        self.outputs: deque[str] = deque(maxlen=HISTORY_LENGTH)  # what each of `done` has printed
         self.changed = 0
         self.running = False
         self.process: subprocess.Popen[bytes] | None = None
@@ -81,9 +83,14 @@ class Typed:
         return (f"jog {self.node}",) if self.word == "jog" and self.running and READY in self.text else ()
 
     @property
+    def has_expired(self) -> bool:
+        """Whether the dead-man switch of the running jog has ended its latest motion."""
+        return self.running and self.text.rstrip().endswith(EXPIRED)
+
+    @property
     def held(self) -> Mapping[str, float]:
         """Deflection of the button, while renewed."""
-        at, renewed = self._held
+        at, renewed = (0.0, 0.0) if self.has_expired else self._held
         return dict.fromkeys(self.controls, at) if at and time.monotonic() - renewed < HOLD / 1e9 else {}
 
     def needs_arm(self, word: str) -> bool:
@@ -153,6 +160,7 @@ class Typed:
             self.text = settled(self.text + data.decode(errors="replace"))
             self.changed += 1
         process.stdout.close()
+        self.outputs.appendleft(self.text)
         self.done.appendleft((begin_time, self.line, process.wait()))
         page, self._page = self._page, None
         if page is not None:
@@ -163,10 +171,12 @@ class Typed:
         self.changed += 1
 
     def record(self) -> str:
-        """Text of the commands that have ended, the first first: when each began, its command line, its exit code."""
+        """Text of the commands that have ended, the first first: when each began, its command line, exit code and output."""
+        commands = zip(reversed(list(self.done)), reversed(list(self.outputs)), strict=False)
         return "".join(
             f"{time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(begin_time))}  {line}  exit code {code}\n"
-            for begin_time, line, code in reversed(list(self.done))
+            f"{textwrap.indent(output.rstrip(), '    ')}\n"
+            for (begin_time, line, code), output in commands
         )
 
     def switch_watch(self, is_on: bool) -> None:

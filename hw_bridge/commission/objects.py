@@ -45,6 +45,9 @@ def format_value(node: Station, entry: Entry, value: Value) -> str:
         code = value & 0xFFFF
         fault = node.profile.faults.get(code)
         return f"{code:04X}h {fault.meaning if fault else ''}".strip() if code else "none"
+    if entry.index == 0x1016 and entry.sub:
+        watched, lapse = value >> 16 & 0x7F, value & 0xFFFF  # CiA 301, 7.5.2.16
+        return f"node {watched} lost after {lapse} ms ({value:X}h)" if watched and lapse else f"off ({value:X}h)"
     if (unit := unit_of(node, entry)) is not None:
         open_ended = abs(value) in NO_LIMIT and entry.type.size == 4
         if entry.index == SOFTWARE_LIMIT and value == 0 and getattr(node.profile, "limits_off_when_zero", False):
@@ -53,7 +56,7 @@ def format_value(node: Station, entry: Entry, value: Value) -> str:
             ", scale ASSUMED" if isinstance(node, Node) and node.own.assumed and entry.index in KIND_OF_OBJECT else ""
         )
         return f"{'no limit' if open_ended else format_quantity(value * unit.factor, unit.unit)} ({value}{assumed})"
-    return f"{value:X}h" if entry.index < 0x2000 and value > 9 and entry.index != 0x1016 else str(value)
+    return f"{value:X}h" if entry.index < 0x2000 and value > 9 else str(value)
 
 
 def name(entry: Entry) -> str:

@@ -24,13 +24,16 @@ BUTTON = "button"
 
 
 class PageWatchdog:
-    """Page watchdog of one motion command. `over`: the operator has ended it. Times are monotonic [s]."""
+    """Page watchdog of one motion command. Times are monotonic [s].
+
+    `over`: the operator has ended it. `expired`: the latest hold of the button ended because it was not renewed in time.
+    """
 
     def __init__(self, end: socket.socket, now: Callable[[], float] = time.monotonic) -> None:
         self.channel, self._now = Channel(end), now
         self.dead_man = DeadManSwitch(HOLD / 1e9)
         self.renewed = now()
-        self.over = False
+        self.over = self.expired = False
 
     def look(self) -> None:
         """Process received messages; SimulationError if no page is present any more."""
@@ -38,9 +41,9 @@ class PageWatchdog:
             for message in self.channel.receive(0.0):
                 self._take(message)
         except ClosedError:
-            raise SimulationError("the server of the page is gone. It stops.") from None
+            raise SimulationError("the server of the page has ended: stopped.") from None
         if (silent := self._now() - self.renewed) > ATTENDED:
-            raise SimulationError(f"no page has shown it for {1e3 * silent:.0f} ms. It stops.")
+            raise SimulationError(f"the operator's page has not answered for {1e3 * silent:.0f} ms: stopped.")
 
     def _take(self, message: dict[str, float]) -> None:
         """Process a renewal (`here`, with `hold` and `press` for a held button), `release_hold`, or `end`."""
@@ -55,6 +58,8 @@ class PageWatchdog:
 
     def deflection(self) -> float:
         """How far the button is held, -1 to 1; 0 if it was not renewed in time."""
-        self.dead_man.expire(self._now())
+        self.expired |= bool(self.dead_man.expire(self._now()))
         button = self.dead_man.inputs.get(BUTTON)
-        return float(button.value) if button is not None else 0.0
+        at = float(button.value) if button is not None else 0.0
+        self.expired &= not at
+        return at

@@ -45,6 +45,7 @@ def page(served, browser):  # noqa: F811
     one.on("console", lambda said: one.wrong.append(said.text) if said.type == "error" else None)
     one.goto(served.address, wait_until="commit")
     one.wait_for_selector("text=operates")
+    one.get_by_text("commissioned before").click()  # each test begins with the step that it is about
     yield one
     context.close()
 
@@ -213,3 +214,18 @@ def test_another_page_watches_it(drive, served, page, browser):  # noqa: F811
     with watching(drive) as line:
         other.click("#twin-stop")  # whoever sees a danger
         assert off(line, line.drive("1", "faulhaber_v3"), 1.0)
+
+
+def test_a_jog_that_its_dead_man_switch_has_ended_says_so(page):
+    """The page was busy for longer than the switch waits, and not as long as the command; the button is still held."""
+    jogs(page)
+    page.evaluate("setTimeout(() => { const end = Date.now() + 300; while (Date.now() < end); }, 0)")
+    page.wait_for_selector("text=Stopped by the dead-man switch: this page answered later than 120 ms.")
+    page.wait_for_selector("text=Release the control and hold it again.")
+    said(page, "dead-man switch.")
+    page.keyboard.up("ArrowRight")
+    page.keyboard.down("ArrowLeft")
+    said(page, "< position")
+    page.keyboard.up("ArrowLeft")
+    page.wait_for_selector("text=ready: hold an arrow key or a button")
+    said(page, "released.")

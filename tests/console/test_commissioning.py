@@ -1,5 +1,6 @@
 """Drives on the page: the commands of the bench as its buttons, and the safety view in words."""
 
+import re
 import time
 from types import SimpleNamespace
 
@@ -7,10 +8,21 @@ import click
 import pytest
 
 from hw_bridge.command import hil
-from hw_bridge.command.commissioning_steps import ANY_TIME, READING, STEPS, is_done, missing, options, problem
-from hw_bridge.command.pages import PANEL, end_text, parts, result, state_text
+from hw_bridge.command.commissioning_steps import (
+    ANY_TIME,
+    READING,
+    STEPS,
+    is_done,
+    missing,
+    options,
+    prerequisite,
+    problem,
+    unavailable,
+)
+from hw_bridge.command.pages import EXPIRED, PANEL, jog_state, parts, result, state_text
 from hw_bridge.command.typed import MOVES, settled
 from hw_bridge.commission import axis
+from hw_bridge.hardware import load
 from tests.every_case import every_case
 from twin.console import Host, safety
 from twin.errors import TwinError
@@ -118,21 +130,21 @@ def test_a_jog_moves_while_it_is_renewed_and_ends_with_its_page(typed):
     until(lambda: place(one) > 1.0, meanwhile=lambda: one.hold("jog axis", 1.0, 2, 0.0))
     assert one.held == {"jog axis": 1.0}
     one.release_hold()
-    until(lambda: "  0.00 mm/s" in one.text and "Operation enabled" in one.text, meanwhile=lambda: one.here(0.0))
+    until(lambda: " 0 mm/s" in one.text and "Operation enabled" in one.text, meanwhile=lambda: one.here(0.0))
     assert one.held == {}
     there = place(one)
     begun = time.monotonic()
     until(lambda: not one.running)  # and nobody says anything any more
     assert 0.2 < time.monotonic() - begun < 20.0
-    assert "no page has shown it" in one.text
+    assert "the operator's page has not answered" in one.text
     assert place(one) == pytest.approx(there, abs=0.05)
     assert one.done[0][2] == 1
 
 
 def place(one):
     """Where the jog tells that it is [mm]."""
-    last = [line for line in one.text.splitlines() if " mm/s " in line and " A  " in line]
-    return float(last[-1].lstrip("<> ").split()[0]) if last else 0.0
+    last = re.findall(r"position +(-?[0-9.]+) mm", one.text)
+    return float(last[-1]) if last else 0.0
 
 
 @pytest.mark.slow
@@ -231,6 +243,33 @@ def test_a_step_is_done_once_its_own_command_has_succeeded():
     assert result(SimpleNamespace(word="scan", node="", text="", done=[(1.0, "", 0)])) == ("good", "✓ scan: done")
 
 
+def test_a_step_waits_for_the_step_before_it(typed):
+    """Either kind of `direction` will do; what reads waits for nothing."""
+    steps = {step.title: step for step in STEPS}
+    done = []
+    assert {title for title, step in steps.items() if not prerequisite(step, "axis", done)} == {
+        step.title for step in READING
+    }
+    assert prerequisite(steps["jog"], "axis", done) == "Do step 6 (direction, push) or 7 (direction, by hand) first."
+    assert prerequisite(steps["direction, push"], "axis", done) == "Do step 5 (check) first."
+    for line in ("check b.yaml", "direction axis -f b.yaml --by-hand", "jog axis -f b.yaml"):
+        done.append((1.0, f"twin hil {line}", 0))
+    assert not any(prerequisite(step, "axis", done) for step in STEPS)
+    assert prerequisite(steps["move"], "axis", [(1.0, "twin hil jog axis -f b.yaml", 1)]) == "Do step 8 (jog) first."
+
+
+def test_a_step_that_a_drive_has_not_got_says_why(typed):
+    one = typed()
+    steps = {step.title: step for step in STEPS}
+    drive = axis(one.file, one.keys, "axis")
+    assert unavailable(steps["home"], drive, True).startswith("axis: has no `homing` in the hardware file.")
+    assert unavailable(steps["direction, push"], drive, True) == ""
+    one.file.write_text(one.file.read_text().replace("faulhaber_v3", "epos2, scale: 1.0e-3"))
+    without_torque = axis(one.file, load(one.file), "axis")
+    assert "no cst to push with" in unavailable(steps["direction, push"], without_torque, False)
+    assert unavailable(steps["direction, by hand"], without_torque, False) == ""
+
+
 LINEAR = {
     ("jog", "velocity", ""): "Expected a value: up to 160 mm/s.",
     ("jog", "velocity", "160 mm/s"): None,
@@ -260,7 +299,8 @@ def test_a_field_says_what_it_expects(typed, word, option, text):
 @every_case(
     ("last", "text"),
     [
-        ("> 9.99 mm 1.00 mm/s 0.10 A  Operation enabled   ", ""),
+        ("> 9.99 mm 1.00 mm/s 0.10 A  Operation enabled   ", "ready: hold an arrow key or a button"),
+        ("0.99 mm 0 mm/s 0.10 A  Operation enabled   dead-man switch   \r", EXPIRED),
         (
             "10.00 mm 0.00 mm/s 0.10 A  Operation enabled   upper end (--distance)   \r",
             "At the upper end of this jog, by --distance: only the other direction moves.",
@@ -271,17 +311,24 @@ def test_a_field_says_what_it_expects(typed, word, option, text):
         ),
     ],
 )
-def test_a_jog_says_that_it_has_reached_its_end(last, text):
-    typed = SimpleNamespace(running=True, text=f"axis: hold a button; -10.00 mm to 10.00 mm.\n{last}")
-    assert end_text(typed) == text
-    typed.running = False
-    assert end_text(typed) == ""
+def test_a_jog_says_what_it_does(typed, last, text):
+    """Its button is not shown as held after its dead-man switch has ended the motion, as long as renewals of this press come."""
+    one = typed()
+    one.word, one.node, one.running = "jog", "axis", True
+    assert jog_state(one) == ("neutral", "powering on ... Keys have no effect yet.")
+    one.text = f"axis: hold a button; -10.00 mm to 10.00 mm.\n{last}"
+    one.hold("jog axis", 1.0, 1, 0.0)
+    assert one.held == ({} if text is EXPIRED else {"jog axis": 1.0})
+    assert jog_state(one) == ("good" if text.startswith("ready") else "warn", text)
+    one.running = False
+    assert jog_state(one) == ("neutral", "")
 
 
 def test_a_move_needs_one_goal():
     (move,) = [one for one in STEPS if one.word == "move"]
     assert missing(move, {"by": "", "to": ""}) == missing(move, {"by": "1 mm", "to": "1 mm"}) != ""
     assert missing(move, {"by": "1 mm"}) == missing(move, {"to": "1 mm", "homed": True}) == ""
+    assert missing(move, {"by": ""}) == "Fill in “by”."  # a drive without homing has no “to”
     assert "homed since power-on" in missing(move, {"to": "1 mm"})
 
 
@@ -304,8 +351,18 @@ def test_what_one_watches_over_stands_there_in_words():
     told = safety.drives(TOLD)
     assert "&lt;b&gt;" in told
     assert "<b>" not in told.replace("<b>servomotor</b>", "")
-    for text in ("3210h overvoltage. Check the supply.", "heartbeat 4 of 60 ms", "2 lost", "twin-warn", "twin-bad"):
+    for text in (
+        "3210h overvoltage. Check the supply.",
+        "heartbeat 4 of 60 ms",
+        "4.5 N</span>",
+        "2 lost",
+        "twin-warn",
+        "twin-bad",
+    ):
         assert text in told
+    assert "heartbeat 4 of" not in safety.drives({**TOLD, "stopped": "stopped"})  # it would only grow
+    assert ">-0.312 mm</span>" in safety.bar({**LIMIT, "value": -3.12e-4, "unit": "m"})
+    assert '"57.3 of -286.5 to 286.5 deg/s"' in safety.bar({**LIMIT, "value": 1.0, "unit": "rad/s"})
     assert "sensor.force is 0.191 N, stops above 0.4 N<" in safety.details(TOLD)
     residual = {"position": 1e-3, "velocity": None, "current": 0.5}
     shadow = {"now": residual, "bands": residual, "largest": residual, "warnings": ["Look at <it>."]}

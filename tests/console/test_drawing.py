@@ -88,7 +88,7 @@ def test_of_what_is_held_begin_and_end_are_listed():
     done = [ExecutedCommand(k, 0.1 * k, "set", text, "") for k, text in enumerate(lines)]
     told = [one.text for one in condense(done, {"a.in": control})]
     assert told == [
-        "travel: held at +0.1",
+        "travel: held at 0.1",
         "set b.gain = 3",
         "travel: released",
         "travel: held at -0.1",

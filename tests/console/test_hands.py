@@ -1,6 +1,7 @@
 """The dead-man switch in a real browser: whatever becomes of page, browser, network or server, motion stops."""
 
 import os
+import re
 import signal
 import time
 from contextlib import suppress
@@ -179,3 +180,26 @@ def test_the_loop_stops_when_the_server_is_killed(tmp_path, build):
         ):
             assert time.monotonic() < end, [one.read_text() for one in found]
             time.sleep(0.05)
+
+
+def test_a_session_that_is_over_says_so_beside_its_controls(tmp_path, build, browser):  # noqa: F811
+    """Also what it said of a late answer is gone, and the list has the reason of each end of a motion."""
+    with console(CARRIAGE, "--variant", "quiet", runs=tmp_path, build=build) as served:
+        page = browser.new_page()
+        page.goto(served.address, wait_until="commit")
+        page.wait_for_function(
+            "!(document.querySelector('.twin-control .way') ?? {disabled: true}).disabled", timeout=60_000
+        )
+        page.get_by_label("run", exact=True).click()
+        with served.wire() as watcher:
+            press(page, watcher)
+            LOSSES["stuck"](page)
+            watcher.hear(lambda told: not told.get("held"))
+        page.wait_for_selector(".twin-done >> text=released by the dead-man switch")
+        page.wait_for_function("document.querySelector('#twin-message').textContent.includes('at rest')")
+        page.click("#twin-stop")
+        page.get_by_text("The session is over: controls have no effect.").wait_for()
+        assert page.locator(".twin-control .way").first.is_disabled()
+        assert page.text_content("#twin-message") == ""
+        page.locator(".twin-done .twin-line", has_text=re.compile("^End$")).wait_for()
+        page.get_by_label("one step of 1 ms").wait_for(state="hidden")

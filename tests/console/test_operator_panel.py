@@ -11,7 +11,7 @@ from tests.every_case import every_case
 pytest.importorskip("nicegui")
 
 from twin.console.operator_panel import HELD, RELEASED, _shown, _start, condense, is_number, read, refusal
-from twin.live import ExecutedCommand
+from twin.live import EXPIRED, ExecutedCommand
 
 SIGNAL = SimpleNamespace(name="a.m", start=[[1.0, 2.0], [3.0, 4.0]], factor=1e3, offset=-2.0)
 
@@ -76,33 +76,49 @@ def test_the_start_of_an_element(name, start, value):
 
 
 def test_a_hold_is_two_lines():
-    """Its begin and its end; what is set along with it is left out, other commands stay."""
+    """Its begin and its end, by the dead-man switch too; what is set along with it is left out, other commands stay.
+
+    The texts are those of `CommandExecutor.shown`: in the display unit, with the unit.
+    """
     controls = {
         "a.x": SimpleNamespace(rest=0.0, label="hand", along=("a.on",), factor=1e3, offset=0.0, display_unit="mm"),
         "a.y": SimpleNamespace(rest=1.0, label="foot", along=(), factor=1.0, offset=0.0, display_unit=""),
+        "a.b": SimpleNamespace(rest=False, label="valve", along=(), factor=1.0, offset=0.0, display_unit=""),
     }
+    for name, control in controls.items():
+        control.input = name
     texts = [
         "set a.k = 3",
-        "set a.x = 0.1",
+        "set a.x = 100 mm",
         "set a.on = true",
-        "set a.x = 0.2",
+        "set a.x = 200 mm",
         "set a.y = 1.0",
         "override a.on",
-        "set a.x = 0.0",
+        "set a.x = 0 mm",
         "set a.on = false",
         "set a.y = 2.0",
         "release a.x",
-        "set a.x = 0.3",
+        "set a.x = -300 mm",
+        "a.x",
+        "set a.x = 0 mm",
+        "set a.b = true",
+        "set a.b = false",
+        "End",
     ]
-    done = [ExecutedCommand(i, float(i), "set", text, "line") for i, text in enumerate(texts)]
+    kinds = {11: EXPIRED, 15: "stop"}
+    done = [ExecutedCommand(i, float(i), kinds.get(i, "set"), text, "line") for i, text in enumerate(texts)]
     expected = {
         0: "set a.k = 3",
-        1: f"hand{HELD} at +100 mm",
+        1: f"hand{HELD} at 100 mm",
         5: "override a.on",
         6: f"hand{RELEASED}",
-        8: f"foot{HELD} at +2",
+        8: f"foot{HELD} at 2.0",
         9: "release a.x",
-        10: f"hand{HELD} at +300 mm",
+        10: f"hand{HELD} at -300 mm",
+        11: f"hand{RELEASED} by the dead-man switch, the page answered too late",
+        13: f"valve{HELD}",
+        14: f"valve{RELEASED}",
+        15: "End",
     }
     assert condense(done, controls) == [replace(done[i], text=text) for i, text in expected.items()]
     assert condense(done, {}) == done

@@ -121,14 +121,14 @@ def test_figures_of_two_carriages_do_not_cover_each_other(page):
           const place = document.body.appendChild(document.createElement("div"));
           drawViews(place, [{ view: "rig", title: "", band: [0.1, 0.4], parts: [carriage("a"), carriage("b"), instrument] }])(
             { "a.position": 0.025, "a.velocity": 0.1, "b.position": -0.025, "b.velocity": -0.1004, tip: 0.1032 });
-          const texts = [...place.querySelectorAll("text")].filter((text) => /mm.s|tip/.test(text.textContent));
+          const texts = [...place.querySelectorAll("text")].filter((text) => /mm.s|inserted/.test(text.textContent));
           texts.forEach((text) => (text.style.fontSize = "30px"));
           const boxes = texts.map((text) => text.getBBox()).map(({ x, width }) => [x, x + width]);
           place.remove();
           return [texts.map((text) => text.textContent), boxes];
         }"""
     )
-    assert sorted(figures) == ["-100.4 mm/s", "100.0 mm/s", "tip moved 103.2 mm"]
+    assert sorted(figures) == ["-100.4 mm/s", "100.0 mm/s", "inserted 103.2 mm"]
     boxes.sort()
     assert all(left[1] < right[0] for left, right in itertools.pairwise(boxes))
     assert boxes[0][0] >= 0

@@ -312,7 +312,7 @@ def test_slow_judgments_leave_the_server_to_the_joysticks(setting, monkeypatch):
     ("changes", "controls", "shown"),
     [
         ({"time": 9.9}, (), []),
-        ({"time": 10.0}, (), ["The scenario has reached its end, 10 s.", "finish", "change and compare"]),
+        ({"time": 10.0}, (), ["The scenario has reached its end, 10 s.", "End", "change and compare"]),
         ({"time": 10.0}, ("hand",), []),
         ({"time": 10.0, "phase": "running"}, (), []),
         ({"phase": "stopped"}, (), ["The session is over.", "again", "another scenario"]),
@@ -341,7 +341,7 @@ def test_the_end_of_a_session(setting, changes, controls, shown, scenes):
     targets = {"signals in the viewer": "/signals"} | ({"replay of the scene": "/replay"} if scenes else {})
     assert links == (targets if "folder" in changes else {})
     calls = {
-        "finish": ("console", "stop"),
+        "End": ("console", "stop"),
         "change and compare": ("live", "reset"),
         "again": ("console", "restart", "a"),
         "another scenario": ("console", "leave"),

@@ -38,7 +38,7 @@ def verdicts(tmp_path):
             seed=1,
             start=0.0,
             judged_until=judged_until,
-            signals={"heart.position": SimpleNamespace(recorded=True, unit="m")},
+            signals={"heart.position": SimpleNamespace(recorded=True, unit="m", display_unit="mm")},
         )
         samples = SimpleNamespace(time=time, values={"heart.position": position})
         state = SimpleNamespace(phase=phase)
@@ -105,8 +105,8 @@ def test_what_can_be_judged(tmp_path, by_operator, verdicts):
     path.write_text(OTHERS)
     time = np.linspace(0.0, 0.5, 6)
     signals = {
-        "heart.position": SimpleNamespace(recorded=True, unit="m"),
-        "heart.velocity": SimpleNamespace(recorded=False, unit="m/s"),
+        "heart.position": SimpleNamespace(recorded=True, unit="m", display_unit="mm"),
+        "heart.velocity": SimpleNamespace(recorded=False, unit="m/s", display_unit="mm/s"),
     }
     catalog = SimpleNamespace(variant="base", seed=1, start=0.0, judged_until=0.5, signals=signals)
     asked = []
@@ -148,3 +148,27 @@ def test_the_result_in_a_sentence(counts, sentence):
 def test_requirements_that_are_not_judged_are_counted():
     rows = [Row(verdict, "name", "") for verdict in ("pass", "pass", "not judged")]
     assert headline(rows, True) == "2 of 3 requirements met, 1 not judged."
+
+
+def test_numbers_have_the_unit_of_the_charts_and_what_a_session_is_too_short_for_is_not_judged(tmp_path):
+    path = tmp_path / "beat.yaml"
+    path.write_text(
+        "stop_time: 0.5 s\nmembers: {heart: {component: heart}}\n"
+        "metrics: {far: {signal: heart.position, reduce: max, to: 0.45 s, unit: mm}}\n"
+        "expect:\n"
+        "  - {name: far, metric: far, at_most: 3 mm}\n"
+        "  - {name: near, signal: heart.position, at_most: 3 mm}\n"
+    )
+    signals = {"heart.position": SimpleNamespace(recorded=True, unit="m", display_unit="m")}
+    catalog = SimpleNamespace(variant="base", seed=1, start=0.0, judged_until=0.5, signals=signals)
+    samples = SimpleNamespace(time=np.linspace(0.0, 0.3, 4), values={"heart.position": np.full(4, 2e-3)})
+    state = SimpleNamespace(phase="stopped")
+    live = SimpleNamespace(catalog=catalog, done=(), read=lambda *_: samples, state=state)
+    rows = SessionVerdicts(path, live).rows()
+    assert {row.name: row.verdict for row in rows if not row.is_metric} == {"far": "not judged", "near": "pass"}
+    assert (
+        next(row.detail for row in rows if row.name == "near")
+        == "heart.position was 0.002 m; expected at most 0.003 m."
+    )
+    assert next(row.detail for row in rows if row.is_metric) == "0.002 m"
+    assert headline(rows, True) == "1 of 2 requirements met, 1 not judged."

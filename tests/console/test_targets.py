@@ -26,7 +26,7 @@ def test_score_counts_from_the_first_motion():
     assert full == Score({"near": 1.0, "far": 3.0}, 6.0, 3.0)
     longer = score(np.arange(8.0), np.vstack([values, [[9, 9], [9, 9]]]), TARGETS)
     assert longer == full  # what comes after the last target does not count
-    assert text(full, TARGETS, 1e3, "mm") == "All 2 targets reached in 3.0 s, path 6000 mm"
+    assert text(full, TARGETS, 1e3, "mm") == "All 2 targets reached in 3.0 s, path length 6000 mm"
     assert text(Score({}), TARGETS, 1e3, "mm") == "0 of 2 targets, next: near"
     assert text(Score({}), TARGETS, 1e3, "mm", "catheter's tip") == "Catheter's tip: 0 of 2 targets, next: near"
 

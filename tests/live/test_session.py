@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from tests.every_case import every_case
+from twin.live import EXPIRED
 from twin.live.operator import commands
 from twin.live.pacing import checked_rate
 from twin.live.session import Session
@@ -253,6 +254,9 @@ def fake_session(**attributes):
         again=False,
         running=True,
         prepared={},
+        drives=None,
+        simulated=SimpleNamespace(time=0),
+        executor=SimpleNamespace(add_done=lambda _time, kind, text, *_, **__: calls.append((kind, text))),
         calls=calls,
         end_stepping=lambda: calls.append("end_stepping"),
         begin_pace=lambda: calls.append("begin_pace"),
@@ -319,9 +323,13 @@ def test_what_commands_do():
         assert session.phase == after
     commands.execute(session, {"ask": "reset"})
     assert (session.ending, session.again, session.running) == (True, True, False)
-    session = fake_session()
-    commands.execute(session, {"ask": "stop"})
-    assert (session.ending, session.again) == (True, False)
+    for phase, drives, expected in (
+        ("running", None, [("stop", "End"), "withdraw_message"]),
+        ("ended", "drives", [("stop", "STOP")]),  # the message says why it has ended
+    ):
+        session = fake_session(phase=phase, drives=drives)
+        commands.execute(session, {"ask": "stop"})
+        assert (session.ending, session.again, session.calls) == (True, False, expected)
     rates = {rate: checked_rate(rate) for rate in (0.1, 1, 10.0, math.inf)}
     assert rates == {0.1: 0.1, 1: 1.0, 10.0: 10.0, math.inf: math.inf}
     for rate in (0.099, 10.01, True, -math.inf, math.nan, None):
@@ -341,3 +349,25 @@ def test_a_fault_by_hand_happens_after_the_communication_point():
     assert (fault.time_ns, fault.tree.plain()["at"]) == (2_001_000, "0.002001 s")
     assert fault.tree.plain() | {"at": ""} == tree | {"at": ""}
     assert written == [(fault, "fault", fault.text, {"by_operator": True})]
+
+
+def test_a_hold_that_expires_is_an_executed_command():
+    """Before the input goes to its rest value, so that the list says why."""
+    done, said = [], []
+    dead_man = SimpleNamespace(expire=lambda now: ["a.x"], inputs={"a.x": SimpleNamespace(value=0.0, moves=False)})
+    executor = SimpleNamespace(
+        controls={}, add_done=lambda time, kind, text, *_, **__: done.append((time, kind, text)), start=lambda name: 0.0
+    )
+    executor.apply = lambda event, **_: done.append((event.time_ns, event.kind, event.variable))
+    session = SimpleNamespace(
+        _executor=executor,
+        dead_man=dead_man,
+        expired_holds=set(),
+        say=said.append,
+        simulated=SimpleNamespace(time=5_000),
+        along={},
+        given={"a.x": 1.0},
+    )
+    Session.update_held_inputs(session)
+    assert done == [(5_000, EXPIRED, "a.x"), (5_000, "set", "a.x")]
+    assert said == ["a.x: at rest, since the page answered too late. Release and press again."]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.every_case import every_case
 from twin.errors import ScenarioError
-from twin.results import Expectation, Metric, Plot, Signals, Window, evaluate, format_value
+from twin.results import Expectation, Metric, MetricFormat, Plot, Signals, Window, evaluate, format_value
 from twin.results.evaluation import expression
 from twin.results.evaluation.reduction import REDUCTIONS
 from twin.run.report import metric_rows
@@ -328,6 +328,8 @@ def test_what_is_not_finite_passes_no_limit(limits: dict[str, float], value: flo
 
 
 def test_shown() -> None:
+    assert (format_value(1.0, "1/min"), format_value(2.0, "1/(N*s)")) == ("60 /min", "2 /(N*s)")
+    assert MetricFormat("1/min").number(1.0) == "60"
     assert [format_value(0.0362, "N"), format_value(0.0362, "mN"), format_value(None, "N"), format_value(2.0, "")] == [
         "0.0362 N",
         "36.2 mN",

@@ -382,7 +382,7 @@ def test_changes_are_from_the_first_sample_with_the_same_seed(tmp_path):
         ("bent end", 2.0, 8, 0.08, 0.03),
     ]
     answers = Answers(cases)
-    assert [answers.change(one) for one in (found[2], found[4])] == ["heart.rate 90 1/min", "bent end x 2"]
+    assert [answers.change(one) for one in (found[2], found[4])] == ["heart.rate 90 /min", "bent end x 2"]
     assert answers.interval(answers.shares[0]) == ""  # no sample of anything
     (first, *_) = [one for one in page.headline(answers) if "force_max changes" in one.text]
     assert first.text == "force_max changes most with bent end x 2, from 10 mN to 70 mN (case 7)."
@@ -413,7 +413,7 @@ def test_sections_of_searches(tmp_path, drawn):
     assert (found["title"], found["trials"], found["knobs"]) == ("95 % quantile of force_max", 2, ["wall.free_length"])
     searched = next(one for one in page.headline(answers, worst, tuned) if one.topic == "Worst case")
     assert searched.text == (
-        "A search in 48 cases found the worst force_max with plain in case 7: 120 mN (heart.rate 90 1/min, heart.scale 1.2, "
+        "A search in 48 cases found the worst force_max with plain in case 7: 120 mN (heart.rate 90 /min, heart.scale 1.2, "
         "bent end x 1); worst of the random samples: 100 mN."
     )
     assert searched.case == 7

@@ -281,4 +281,4 @@ vary: {heart.rate: {values: [60 /min, 90 /min], source: assumed}}
     study = loaded(tmp_path, text)
     answers = page.Answers(outcome_of(study, tmp_path, (0.01, 0.02, 0.03)).cases)
     assert page.tornados(answers) == [("force_max", "[force_max]"), ("motion", "[motion]")]
-    assert drawn == [(2, unit, ["heart.rate 60 1/min", "heart.rate 90 1/min"]) for unit in ("mN", "mm")]
+    assert drawn == [(2, unit, ["heart.rate 60 /min", "heart.rate 90 /min"]) for unit in ("mN", "mm")]

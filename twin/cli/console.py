@@ -71,8 +71,8 @@ def command(
     Without SCENARIO the page lists them. The printed URL contains a token: every browser that has it may watch, the first
     one operates. Only this machine is served.
 
-    Motion lasts while a control is held. STOP ends all motion, and so does Ctrl-C in the terminal; Esc stops drives. All operations
-    are recorded in the run's folder; `operated.yaml` in it repeats them.
+    Motion lasts while a control is held. STOP and Esc stop drives, End ends a simulation, Ctrl-C in the terminal does both.
+    All operations are recorded in the run's folder; `operated.yaml` in it repeats them.
 
     \b
     twin console teleoperation

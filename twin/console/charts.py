@@ -159,7 +159,7 @@ def show_commands(console: Host, chart: web.Chart) -> None:
         done = console.live.done if console.live is not None else ()
         if len(done) != count[0]:
             count[0] = len(done)
-            acts = [command for command in condense(done, controls) if not command.text.endswith(RELEASED)]
+            acts = [command for command in condense(done, controls) if RELEASED not in command.text]
             chart.show_marks([{"at": act.time, "text": mark_text(act.text)} for act in acts[-MARKS:]])
 
     ui.timer(0.25, update)

@@ -23,11 +23,11 @@ class Presence(Element, component="static/presence.js"):
 
 
 class Desk(Element, component="static/desk.js"):
-    """Shows held controls, renews them, and releases them if the page is hidden."""
+    """Shows held controls, renews them, and releases them if the page is hidden. `session`: they end with the session."""
 
-    def __init__(self, controls: list[dict[str, Any]]) -> None:
+    def __init__(self, controls: list[dict[str, Any]], *, session: bool = False) -> None:
         super().__init__()
-        self._props["controls"] = controls
+        self._props.update(controls=controls, session=session)
 
 
 def control(name: str, label: str, about: str, keys: tuple[str, str], unit: str, most: float) -> dict[str, Any]:

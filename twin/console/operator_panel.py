@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
 from twin.console.curves import elements
 from twin.errors import TwinError
+from twin.live import EXPIRED
 
 if TYPE_CHECKING:
     from twin.console.page import PageContext
@@ -18,7 +21,7 @@ if TYPE_CHECKING:
 
 MAX_COMMANDS = 200  # listed commands, the latest
 MAX_MATCHES = 12  # listed search results
-HELD, RELEASED = ": held", ": released"  # ends of the text of a control's command
+HELD, RELEASED = ": held", ": released"  # after the label of a control, in the text of its command
 
 
 def panel(context: PageContext, more: Callable[[], None]) -> None:
@@ -95,7 +98,8 @@ def row(
     """Create one value: a switch, or a field with its unit, and a slider between `ends` or the declared bounds [SI]."""
     now = live.state.values.get(name, _start(name, signal))
     with ui.element("div").classes("twin-value full-width").tooltip(signal.description):
-        ui.label(name).classes("twin-name")
+        # a long name breaks behind a dot or an underscore
+        ui.html(re.sub(r"([._])", r"\1<wbr>", escape(name)), sanitize=False).classes("twin-name")
         if signal.type == "Boolean":
             ui.switch(value=bool(now), on_change=lambda said: context.run(live.set, name, said.value is True)).props(
                 f'dense aria-label="{name}"'
@@ -278,17 +282,24 @@ def condense(done: Sequence[ExecutedCommand], controls: Mapping[str, CatalogCont
     moving: dict[str, bool] = {}
     for command in done:
         name, equals, value = command.text.removeprefix("set ").partition(" = ")
+        control = controls.get(command.text if command.kind == EXPIRED else name)
         if name in companions and equals:
             continue
-        control = controls.get(name)
-        if control is None or not equals:
+        if control is None or not (equals or command.kind == EXPIRED):
             condensed_commands.append(command)
             continue
-        given = read(value)
-        now = given != control.rest
-        if now != moving.get(name, False):
-            shown = f"{control.factor * given + control.offset:+.3g} {control.display_unit}" if is_number(given) else ""
-            text = f"{HELD} at {shown}".rstrip() if shown else HELD
-            condensed_commands.append(replace(command, text=f"{control.label}{text if now else RELEASED}"))
-        moving[name] = now
+        given = read(value.removesuffix(control.display_unit))
+        rest = control.rest if isinstance(given, bool) else control.factor * control.rest + control.offset
+        now = bool(equals) and given != (rest if isinstance(rest, bool) else float(f"{rest:.6g}"))
+        if now != moving.get(control.input, False):
+            text = HELD if isinstance(given, bool) else f"{HELD} at {value}"
+            text = (
+                text
+                if now
+                else RELEASED
+                if equals
+                else f"{RELEASED} by the dead-man switch, the page answered too late"
+            )
+            condensed_commands.append(replace(command, text=f"{control.label}{text}"))
+        moving[control.input] = now
     return condensed_commands

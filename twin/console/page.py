@@ -18,6 +18,7 @@ from twin.console.animation import FLAT, Pictures, to_si
 from twin.console.joysticks import Desk, Presence, controls
 from twin.console.session import panels
 from twin.errors import TwinError
+from twin.live import OVER
 from twin.scenario import scenario_paths
 
 if TYPE_CHECKING:
@@ -215,7 +216,7 @@ def _session(context: PageContext) -> None:
             with ui.element("div").classes("twin-card twin-controls"):
                 failed = ui.label().classes("twin-warning").props("role=alert")
                 failed.visible = False
-                Desk(controls(catalog))
+                Desk(controls(catalog), session=True)
                 if (
                     catalog.controls
                     and catalog.variant != scenario_paths.OPERATOR_VARIANT
@@ -256,8 +257,10 @@ def _bar(context: PageContext) -> None:
             ).props("dense options-dense outlined aria-label='variant'").classes("twin-variant")
         elif len(catalog.variants) > 1:
             ui.label(catalog.variant).classes("twin-soft ellipsis")
+        steps = ui.row().classes("items-center no-wrap gap-0")
         if not catalog.wall_clock:
-            _steps(context, live, catalog)
+            with steps:
+                _steps(context, live, catalog)
         ui.html('<span id="twin-how" class="twin-figures" role="status"></span>', sanitize=False)
         ui.space()
         ui.html('<span id="twin-message" class="twin-soft" role="status"></span>', sanitize=False)
@@ -266,6 +269,7 @@ def _bar(context: PageContext) -> None:
         goes = live.state.phase == "running"
         run.visible = live.state.phase in ("paused", "ended")
         pause.visible = goes and not catalog.wall_clock
+        steps.visible = live.state.phase not in OVER
         finishing.visible = live.state.phase in ("finishing", "starting")
 
     update()

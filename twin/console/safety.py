@@ -12,6 +12,11 @@ if TYPE_CHECKING:
     from twin.console.page import PageContext
 
 WARNING_FRACTION = 0.8  # of a limit: shown as a warning
+SHOWN_UNITS = {
+    unit + rate: (shown + rate, factor)
+    for unit, shown, factor in (("m", "mm", 1e3), ("rad", "deg", math.degrees(1.0)))
+    for rate in ("", "/s")
+}
 
 
 def panel(context: PageContext) -> None:
@@ -55,7 +60,8 @@ def heading(status: Mapping[str, Any]) -> str:
 
 def drives(status: Mapping[str, Any]) -> str:
     """Return each drive with state, errors and a bar for each limit."""
-    return "".join(drive(name, entry) for name, entry in status["nodes"].items())
+    over = {"heartbeat_age": None} if status["stopped"] else {}  # nothing is watched any more
+    return "".join(drive(name, {**entry, **over}) for name, entry in status["nodes"].items())
 
 
 def drive(name: str, node: Mapping[str, Any]) -> str:
@@ -77,11 +83,13 @@ def bar(limit: Mapping[str, Any]) -> str:
     """Return a bar that shows how close a limit is."""
     part = min(max(float(limit["part"] or 0.0), 0.0), 1.0)
     kind = "bad" if part >= 1.0 else "warn" if part >= WARNING_FRACTION else "good"
-    text = f"{limit['value']:.4g} of {limit['low']:.4g} to {limit['high']:.4g} {limit['unit']}"
+    unit, factor = SHOWN_UNITS.get(limit["unit"], (limit["unit"], 1.0))
+    value, low, high = (factor * limit[name] for name in ("value", "low", "high"))
+    text = f"{value:.4g} of {low:.4g} to {high:.4g} {unit}"
     return (
         f'<div class="twin-limit" title="{escaped(text)}"><span>{escaped(limit["name"])}</span>'
         f'<i><b class="twin-{kind}" style="width:{100 * part:.0f}%"></b></i>'
-        f'<span class="twin-figures">{100 * part:.0f} %</span></div>'
+        f'<span class="twin-figures">{value:.3g} {escaped(unit)}</span></div>'
     )
 
 

@@ -160,7 +160,7 @@ def fill(context: PageContext, kind: str) -> None:
         ui.button(text, on_click=context.on_press(lambda: action, *arguments)).props("dense no-caps outline")
 
     if kind == "reached":
-        button("finish", console.stop)
+        button("End", console.stop)
         button("change and compare", live.reset)
     elif kind:
         if state.folder:

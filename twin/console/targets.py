@@ -58,10 +58,10 @@ def score(time: NDArray[np.float64], values: NDArray[np.float64], targets: Mappi
 
 
 def text(now: Score, targets: Mapping[str, Any], factor: float, unit: str, label: str = "") -> str:
-    """Return a score in words, the path in the display unit. `label`: of what reaches them, such as the catheter's tip."""
+    """Return a score in words, the length of the path, forth and back, in the display unit. `label`: of what reaches them."""
     names = list(targets["points"])
     left = [name for name in names if name not in now.reached]
-    figures = f"{now.duration:.1f} s, path {factor * now.path:.0f} {unit}"
+    figures = f"{now.duration:.1f} s, path length {factor * now.path:.0f} {unit}"
     owner = f"{label[0].upper()}{label[1:]}: " if label else ""
     if not left:
         return f"{owner}{'all' if owner else 'All'} {len(names)} targets reached in {figures}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from twin import clock
@@ -38,17 +38,26 @@ class SessionVerdicts:
         self.live, self.catalog = live, live.catalog
         scenario, _ = lint(path, imports=False)
         self.metrics = {
-            name: metric
+            name: replace(metric, unit=self._shown_unit(metric.unit, metric.signal))
             for name, metric in scenario.metrics.items()
             if self._applies(metric.variants) and self._recorded(metric.signal)
         }
-        self.expectations = [each for each in scenario.expectations if self._can_judge(each)]
+        self.expectations = [
+            replace(each, unit=self._shown_unit(each.unit, each.signal or self.metrics[each.metric or ""].signal))
+            for each in scenario.expectations
+            if self._can_judge(each)
+        ]
         signals = [metric.signal for metric in self.metrics.values()]
         signals += [each.signal for each in self.expectations if each.signal is not None]
         self._names = list(dict.fromkeys(operand.name for signal in signals for operand in signal.signals))
 
     def _applies(self, variants: tuple[str, ...]) -> bool:
         return not variants or self.catalog.variant in variants
+
+    def _shown_unit(self, unit: str, signal: Expression) -> str:
+        """Return the unit of the charts where a number differs from it by milli alone: no N beside mN on one page."""
+        shown = {self.catalog.signals[operand.name].display_unit for operand in signal.signals}
+        return next((symbol for symbol in shown if unit == f"m{symbol}"), unit)
 
     def _recorded(self, signal: Expression) -> bool:
         signals = self.catalog.signals
@@ -86,9 +95,12 @@ class SessionVerdicts:
         rows = []
         for result in evaluation.expectation_results:
             is_open = result.verdict == "fail" and result.name in open_names  # its metric may still come right
-            rows.append(Row(WAITING if is_open else result.verdict, result.name, result.detail))
+            verdict = WAITING if is_open else NOT_JUDGED if result.verdict == "skipped" else result.verdict
+            rows.append(Row(verdict, result.name, result.detail))
         rows += [
-            Row(WAITING, each.name, f"from {self._begin(each):g} s") for each in expectations if self._begin(each) > now
+            Row(WAITING, each.name, f"judged from {self._begin(each):g} s")
+            for each in expectations
+            if self._begin(each) > now
         ]
         rows += [Row(NOT_JUDGED, each.name, "values were changed by hand") for each in nominal]
         for metric_result in evaluation.metric_results:

@@ -11,6 +11,7 @@ from .channel import ClosedError as ClosedError
 from .live_session import OVER as OVER
 from .live_session import ExecutedCommand as ExecutedCommand
 from .live_session import LiveSession as LiveSession
+from .operator.dead_man_switch import EXPIRED as EXPIRED
 from .operator.dead_man_switch import HOLD as HOLD
 from .operator.dead_man_switch import DeadManSwitch as DeadManSwitch
 from .pacing import Pace as Pace

@@ -16,7 +16,7 @@ from twin.live.catalog_builder import catalog_of, prepared_events, steps_to_comm
 from twin.live.channel import Channel, ClosedError
 from twin.live.operator import commands
 from twin.live.operator.command_checks import WHERE, CommandExecutor
-from twin.live.operator.dead_man_switch import DeadManSwitch
+from twin.live.operator.dead_man_switch import EXPIRED, DeadManSwitch
 from twin.live.operator.operation_log import NAME, OperationLog, time_text
 from twin.live.pacing import BLOCK, Pace
 from twin.live.scheduling_priority import LoopPriority
@@ -249,6 +249,7 @@ class Session:
         assert executor is not None
         for name in self.dead_man.expire(wall.monotonic()):
             self.expired_holds.add(name)
+            executor.add_done(self.simulated.time, EXPIRED, name, "", by_operator=True)
             control = executor.controls.get(name)
             self.say(
                 f"{control.label if control else name}: at rest, since the page answered too late. Release and press again."

@@ -29,6 +29,7 @@ SLOW, GENTLE = 0.02, 0.1  # of the limits of velocity and acceleration, where no
 NEAR_END = 1e-5  # distance from the end of a jog at which it is reached [m or rad]
 ROUND = {"m": 10e-3, "rad": 0.2}  # how far a jog goes at most, where nothing is said: 10 mm, 11 deg
 READY = "hold a button"  # tells the page that the drive is ready to move
+EXPIRED = "dead-man switch"  # behind the live values: why the drive stands although the button is held
 
 RAMP = (
     click.option("--velocity", metavar="V", help="Such as '5 mm/s'; by default 2 % of limits.velocity."),
@@ -90,7 +91,7 @@ def move_command(
         check_target(session, goal)
         say(
             f"{session.node.name}: from {session.node.format_length(begin)} to {session.node.format_length(goal)} at "
-            f"{session.node.format_length(speed)}/s."
+            f"{axis.format_quantity(speed, '/s')}."
         )
         there = session.move(goal, speed, rate)
         furthest = max(abs(sample.target - sample.position) for sample in session.samples)
@@ -157,16 +158,22 @@ def jog_command(
         session.ramp.low = min(max(low, here - reach), here)
         session.ramp.high = max(min(high, here + reach), here)
         ends = f"{session.node.format_length(session.ramp.low)} to {session.node.format_length(session.ramp.high)}"
-        terminal = page_watchdog() is None
-        say(f"{session.node.name}: {f'hold an arrow key; {ends}. q ends it.' if terminal else f'{READY}; {ends}.'}")
+        page = page_watchdog()
+        say(f"{session.node.name}: {f'{READY}; {ends}.' if page else f'hold an arrow key; {ends}. q ends it.'}")
         while True:
             deflection = held_button.deflection()
             if held_button.over:
                 break
+            was_moving = bool(session.ramp.velocity)
             session.go(session.ramp.follow(deflection * speed, session.h))
             session.note = reached_end(session, here, reach)
-            if terminal:
+            if page is None:
                 show_live(session)
+            else:
+                session.note = EXPIRED if page.expired else session.note
+                if was_moving and not session.ramp.velocity:
+                    rest = session.node.format_length(session.ramp.position)
+                    say(f"{axis.name}: stopped at {rest}: {session.note or 'released'}.")
         say()
 
 

@@ -159,9 +159,12 @@ def show_live(session: SingleAxisSession, is_page: bool = False) -> None:
         return
     session.next_line = now + LINE_PERIOD
     mark = {1: ">", -1: "<"}.get((session.ramp.velocity > 0) - (session.ramp.velocity < 0), " ")
-    values = f"{node.format_length(node.position):>14} {node.format_length(node.velocity):>12}/s {node.current:8.2f} A"
-    state = f"  {node.state}" if is_page else ""
-    sys.stdout.write(f"\r{mark} {values}{state}   {session.note:<27}{chr(13) if is_page else ''}")
+    position, speed, current = node.format_length(node.position), node.format_speed(node.velocity), node.current
+    if is_page:
+        values = f"position {position:>10}, velocity {speed:>9}, current {current:5.2f} A, {node.state}"
+    else:
+        values = f"{position:>14} {speed:>14} {current:8.2f} A"
+    sys.stdout.write(f"\r{mark} {values}   {session.note:<27}{chr(13) if is_page else ''}")
     sys.stdout.flush()
 
 

@@ -1,6 +1,7 @@
 """Commands of `twin hil` on a drive without a bus: what they write, move and print, and their exit codes."""
 
 import itertools
+import re
 from contextlib import contextmanager
 from types import SimpleNamespace
 
@@ -91,7 +92,7 @@ def test_a_move(run, words, goal, speed, rate):
     assert run.session.moves == [(pytest.approx(goal), pytest.approx(speed), pytest.approx(rate))]
     assert run.session.opened == ("axis", False, {"homed": "--homed" in words})
     assert text == (
-        f"axis: from 1.00 mm to {1e3 * goal:.2f} mm at {1e3 * speed:.2f} mm/s. axis: is at {1e3 * goal + 0.01:.2f} mm, "
+        f"axis: from 1.00 mm to {1e3 * goal:.2f} mm at {1e3 * speed:g} mm/s. axis: is at {1e3 * goal + 0.01:.2f} mm, "
         "largest following error 0.25 mm."
     )
 
@@ -150,6 +151,19 @@ def test_a_jog_stays_near_where_it_began(run, held, words, low, high):
     assert 1e3 * min(run.session.positions) == pytest.approx(low, abs=1e-6)
     for name, end, limit in (("upper", high, 30.0), ("lower", low, -20.0)):
         assert f"{name} end ({'limits.position' if end == limit else '--distance'})" in text
+
+
+@pytest.mark.parametrize(("expired", "reason"), [(False, "released"), (True, "dead-man switch")])
+def test_a_jog_on_a_page_says_why_each_motion_has_ended(run, held, monkeypatch, expired, reason):
+    """A line of its own, which stays in the record; at an end while the button is held, and not again when it is released."""
+    monkeypatch.setattr(motion, "page_watchdog", lambda: SimpleNamespace(expired=expired))
+    held.extend([1.0] * 20 + [0.0] * 20 + [-1.0] * 400 * (not expired) + [0.0] * 20)
+    lines = run("jog", "axis", "--velocity", "20 mm/s", "--distance", "5 mm")
+    ends = [f"axis: stopped at 2.55 mm: {reason}."] + ["axis: stopped at -4.00 mm: lower end (--distance)."] * (
+        not expired
+    )
+    assert re.findall(r"axis: stopped at [^:]*: .*?\.(?= |$)", lines) == ends
+    assert run.session.note == ("dead-man switch" if expired else "lower end (--distance)")
 
 
 def test_a_jog_of_an_axis_that_turns(run, held, tmp_path):

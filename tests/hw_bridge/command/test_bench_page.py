@@ -72,6 +72,8 @@ def build():
             enabled={element.text: element.enabled for element in buttons},
             controls=[element.props["controls"] for element in elements if "controls" in element.props],
             buttons=buttons,
+            stepper=next(element for element in elements if isinstance(element, ui.stepper)),
+            switches=[element for element in elements if isinstance(element, ui.switch)],
             spins=any(isinstance(element, ui.spinner) for element in elements),
         )
 
@@ -84,9 +86,25 @@ def test_a_simulated_bench(typed, build):
     runner = typed(homing=HOMING)
     page = build(runner)
     assert list(page.enabled) == BUTTONS  # the module's are like the drive's
-    assert {name for name, enabled in page.enabled.items() if not enabled} == {"by hand", "compare", "move"}
+    assert {name for name, enabled in page.enabled.items() if not enabled} == {
+        "by hand",
+        "compare",
+        "push",
+        *MOTIONS,
+    }
     assert page.labels.count("Dump first.") == 2
+    assert page.labels.count("Do step 8 (jog) first.") == 3
+    (switch,) = page.switches
+    switch.value = True  # it was commissioned before
+    assert {button.text for button in page.buttons if not button.enabled} == {"by hand", "compare", "move"}
+    for line in (f"check {runner.file}", f"direction axis -f {runner.file}", f"jog axis -f {runner.file}"):
+        runner.done.append((1.0, f"twin hil {line}", 0))
+    page = build(runner)
+    assert {name for name, enabled in page.enabled.items() if not enabled} == {"by hand", "compare", "move"}
     assert "Fill in either “by” or “to”." in page.labels
+    assert page.stepper.value == "scan"
+    runner.done.extend((1.0, f"twin hil {line} -f {runner.file}", 0) for line in ("scan", "status axis", "dump axis"))
+    assert build(runner).stepper.value == "compare"
     assert len(page.buttons) == len(READING) + len(BUTTONS)
     assert page.html[2] == '<p class="twin-state twin-good">simulated drives</p>'
     assert page.labels[-1] == "Each button runs the command that you would type; it is shown here."
@@ -119,8 +137,8 @@ def test_a_simulated_bench(typed, build):
 @pytest.mark.parametrize(
     ("arm", "kind", "text", "off"),
     [
-        (False, "good", "not armed: nothing moves from here", {"compare", "push", "enable", *MOTIONS}),
-        (True, "warn", "armed: drives may move", {"compare", "move", "home"}),
+        (False, "good", "not armed: nothing moves from here", {"compare", "push", "by hand", "enable", *MOTIONS}),
+        (True, "warn", "armed: drives may move", {"compare", "push", "by hand", *MOTIONS}),
     ],
 )
 def test_a_real_bench_without_homing(typed, build, arm, kind, text, off):
@@ -190,8 +208,8 @@ def test_the_card_of_a_running_command(typed, build):
     page = build(runner)
     assert page.labels[-2] == runner.line == f"twin hil jog axis -f {runner.file}"
     assert page.labels[-1] == "powering on ... Keys have no effect yet."
-    assert {name for name, enabled in page.enabled.items() if enabled} == {"end"}
-    assert (page.enabled["end"], page.spins, page.controls) == (True, False, [])
+    assert {name for name, enabled in page.enabled.items() if enabled} == {"End"}
+    assert (page.enabled["End"], page.spins, page.controls) == (True, False, [])
     runner.text = f"axis: {READY}"
     page = build(runner)
     assert page.labels[-1] == "ready: hold an arrow key or a button"
@@ -200,7 +218,7 @@ def test_the_card_of_a_running_command(typed, build):
     assert (control["low"], control["high"], control["unit"]) == (-10.0, 10.0, "mm/s")
     runner.word = "status"
     page = build(runner)
-    assert ("end" in page.enabled, page.spins, page.controls) == (False, True, [])
+    assert ("End" in page.enabled, page.spins, page.controls) == (False, True, [])
     runner.running = False
     page = build(runner)
     assert (page.labels[-1], page.spins) == (runner.line, False)
@@ -251,6 +269,7 @@ def test_a_command_runs_in_a_process_of_its_own(typed, monkeypatch, word, attend
     assert (runner.running, runner.attended, runner.text) == (False, False, "second\n")
     ((_, line, code),) = runner.done
     assert (line, code) == (runner.line, 3)
+    assert runner.record().splitlines()[-1] == "    second"
     assert runner.changed == 3  # begun, printed, ended
     runner.stop()
     assert runner.process.signals == [2]

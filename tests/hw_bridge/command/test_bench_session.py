@@ -176,15 +176,18 @@ def test_the_line_of_a_jog(capsys, speed, mark):
     node = SimpleNamespace(
         position=0.001, velocity=-0.002, current=0.256, format_length=lambda value: f"{1e3 * value:.2f} mm"
     )
+    node.format_speed = lambda value: f"{1e3 * value:.0f} mm/s"
     network = SimpleNamespace(now=5)
     held = SimpleNamespace(node=node, ramp=SimpleNamespace(velocity=speed), network=network, next_line=0, note="")
     single_axis.show_live(held)
-    values = f"\r{mark}        1.00 mm     -2.00 mm/s     0.26 A"
+    values = f"\r{mark}        1.00 mm        -2 mm/s     0.26 A"
     assert capsys.readouterr().out == f"{values}   {'':<27}"
     single_axis.show_live(held)  # not yet again
     network.now, held.note, node.state = 5 + single_axis.LINE_PERIOD, "upper end (--distance)", "Quick stop active"
     single_axis.show_live(held, is_page=True)
-    assert capsys.readouterr().out == f"{values}  Quick stop active   upper end (--distance)     \r"
+    assert capsys.readouterr().out == (
+        f"\r{mark} position    1.00 mm, velocity   -2 mm/s, current  0.26 A, Quick stop active   upper end (--distance)     \r"
+    )
 
 
 @pytest.fixture

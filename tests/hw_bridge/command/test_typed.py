@@ -221,7 +221,10 @@ def test_a_page_begins_steps(make, rotary, speed):
     typed.done.appendleft((0.0, "twin hil step axis", 1))
     assert picture(page) == ""
     typed.done.appendleft((0.0, "twin hil jog axis", 130))
-    assert typed.record().splitlines()[-1].endswith("  twin hil jog axis  exit code 130")
+    typed.outputs.extend(["axis: stopped at 1.00 mm: released.\n\naxis: stopped.\n", "error: no\n", ""])
+    *_, line, first, _, last = typed.record().splitlines()
+    assert line.endswith("  twin hil jog axis  exit code 130")
+    assert (first, last) == ("    axis: stopped at 1.00 mm: released.", "    axis: stopped.")
     lines = listed(typed).split("<li>")
     assert "<b>stopped</b>" in lines.pop(1)
     assert len(lines) == 3

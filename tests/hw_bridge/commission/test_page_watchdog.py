@@ -49,14 +49,18 @@ def test_it_goes_while_it_is_renewed_and_no_longer(watched, clock):
         clock.now += 0.03
     clock.now += LONGEST - 0.031
     assert way(watched) == 0.5
+    assert not watched.expired
     clock.now += 0.002
     assert way(watched) == 0.0
+    assert watched.expired
     watched.page.send(here=clock.now, hold=1.0, press=1)  # the same press comes back: it has to be let go first
     assert way(watched) == 0.0
     watched.page.send(here=clock.now, hold=-1.0, press=2)
     assert way(watched) == -1.0
+    assert not watched.expired
     watched.page.send(release_hold=True)
     assert way(watched) == 0.0
+    assert not watched.expired  # it was let go
 
 
 def test_with_ramp_and_loop_it_stands_within_200_ms_of_the_last_renewal():
@@ -80,13 +84,13 @@ def test_what_no_page_shows_does_not_go_on(watched, clock):
     clock.now += ATTENDED - 0.01
     watched.look()
     clock.now += 0.02
-    with pytest.raises(SimulationError, match="no page has shown it for 510 ms"):
+    with pytest.raises(SimulationError, match="the operator's page has not answered for 510 ms"):
         watched.look()
 
 
 def test_a_server_that_is_gone_ends_it(watched):
     watched.page.end.close()
-    with pytest.raises(SimulationError, match="server of the page is gone"):
+    with pytest.raises(SimulationError, match="server of the page has ended"):
         watched.look()
 
 

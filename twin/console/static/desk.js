@@ -62,11 +62,11 @@ export default {
       <button type="button" class="way" :disabled="!operator" :aria-label="one.label" @pointerdown.prevent="push($event, one, 1)"
               @pointerup="pull(one)" @pointercancel="pull(one)" @lostpointercapture="pull(one)">{{ one.kind === "hold" ? "+" : "press" }}</button>
     </div>
-    <p v-if="!controls.length" class="twin-soft">No joystick or buttons are defined for this scenario. Change parameters below, or add a <code>console:</code> section.</p>
-    <p v-else class="twin-soft" :class="{ 'twin-warn': stopped }" role="status">{{ stopped ? "Stopped: this page answered too late, or STOP. Release the control and hold it again." : !operator ? "This page only watches." : paused ? "Paused: press Run, then hold a control." : "Motion lasts while you hold a control." }} <span v-if="pad">{{ pad }}</span></p>
+    <p v-if="!controls.length && !over" class="twin-soft">No joystick or buttons are defined for this scenario. Change parameters below, or add a <code>console:</code> section.</p>
+    <p v-else class="twin-soft" :class="{ 'twin-warn': stopped }" role="status">{{ over ? "The session is over: controls have no effect." : stopped ? "Stopped: this page answered too late. Release the control and hold it again." : !operator ? "This page only watches." : paused ? "Paused: press Run, then hold a control." : "Motion lasts while you hold a control." }} <span v-if="pad">{{ pad }}</span></p>
   </div>`,
-  props: { controls: Array },
-  data: () => ({ operator: false, paused: false, held: {}, deflections: {}, dropped: 0, pad: "" }),
+  props: { controls: Array, session: Boolean },
+  data: () => ({ operator: false, over: false, paused: false, held: {}, deflections: {}, dropped: 0, pad: "" }),
   computed: {
     stopped() { return this.dropped > DROPPED; },
     sticks() {
@@ -99,12 +99,13 @@ export default {
     update(state) {
       if (state.lost) { this.operator = false; this.hands.releaseAll(); return; }
       if (state.refused) return;
-      this.operator = state.operator;
+      this.over = this.session && ["finishing", "stopped", "failed"].includes(state.phase);
+      this.operator = state.operator && !this.over;
       this.paused = state.phase === "paused";
       const held = JSON.stringify(state.held || {});
       if (held !== this.heldText) { this.heldText = held; this.held = state.held || {}; }
       const dropped = this.controls.some((one) => this.deflections[one.name] && !(one.input in this.held));
-      this.dropped = dropped && this.operator && state.phase ? this.dropped + 1 : 0;
+      this.dropped = dropped && this.operator && (state.phase || !this.session) ? this.dropped + 1 : 0;
       this.gamepad();
       this.hands.renewAll();
     },

@@ -86,7 +86,10 @@ def reset(session: Session, _: Message) -> None:
 def stop(session: Session, _: Message) -> None:
     """End the session."""
     session.ending = True
-    if session.phase == "paused":
+    session.executor.add_done(
+        session.simulated.time, "stop", "STOP" if session.drives else "End", "", by_operator=False
+    )
+    if session.phase != "ended":  # that message says why
         session.withdraw_message()
 
 

@@ -9,6 +9,7 @@ from typing import Any
 # page renews every 30 to 40 ms, so three may be lost.
 HOLD = 0.14
 FOREVER = float("inf")
+EXPIRED = "expired"  # kind of the executed command of an input that was not renewed in time
 
 
 @dataclass

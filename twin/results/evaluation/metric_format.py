@@ -35,8 +35,7 @@ class MetricFormat:
 
     def number(self, value: float | None, scale: float = 0.0) -> str:
         """Format a value [SI] without its unit. `scale`: as in `format_value`."""
-        text = format_value(value, self.unit, scale, self.is_difference, self.decimals)
-        return text.removesuffix(self.label).rstrip()
+        return format_value(value, self.unit, scale, self.is_difference, self.decimals).partition(" ")[0]
 
     def text(self, value: float | None, scale: float = 0.0, digits: int = 4) -> str:
         """Format a value [SI] with its unit; `digits` apply without `decimals`."""

@@ -175,4 +175,5 @@ def format_value(
         value = offset
     number = unit.round_trip((value - offset) / factor)  # as in the summary: no text differs by a rounding error
     text = f"{number:.{digits}g}" if decimals is None else f"{number:.{decimals}f}"
-    return f"{text if float(text) else text.lstrip('-')} {unit.shown(symbol)}".rstrip()
+    label = unit.shown(symbol)
+    return f"{text if float(text) else text.lstrip('-')} {label[label.startswith('1/') :]}".rstrip()  # 60 /min

@@ -18,6 +18,7 @@ export function sheet(place, width, height, label) {
 }
 export function parts(view, kind) { return view.parts.filter((one) => one.kind === kind); }
 export function clamp(value, low, high) { return Math.min(Math.max(value, low), high); }
+export function millimeters(value) { return (Math.round(value * 1e4) / 10 + 0).toFixed(1); }  // never -0.0
 export function say(one, text) { if (one.textContent !== text) one.textContent = text; }
 
 // put a text beside a point, inside the picture, where it covers none of the boxes of texts placed before

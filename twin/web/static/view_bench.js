@@ -1,6 +1,6 @@
 // The bench of paper B: slides of handle, wires and needle, the injection catheter that they bend, and its tip from the front.
 
-import { clamp, contactForce, make, parts, say, set, sheet, wall } from "./draw.js";
+import { clamp, contactForce, make, millimeters, parts, say, set, sheet, wall } from "./draw.js";
 
 const PX = 9000;                // [px/m] of the tip
 const GUIDE = 560, LEVEL = 150; // end of the guide
@@ -21,7 +21,7 @@ export function bench(place, view) {
   const body = make(svg, "path", { class: "catheter" }), needle = make(svg, "line", { class: "needle" }), end = make(svg, "circle", { r: 4, class: "tip" });
   make(svg, "circle", { cx: FRONT[0], cy: FRONT[1], r: FRONT[2], class: "base" });
   make(svg, "path", { d: `M${FRONT[0] - FRONT[2]} ${FRONT[1]}h${2 * FRONT[2]}M${FRONT[0]} ${FRONT[1] - FRONT[2]}v${2 * FRONT[2]}`, class: "axis" });
-  make(svg, "text", { x: FRONT[0], y: FRONT[1] + FRONT[2] + 18, class: "small middle" }, "tip from the front, 15 mm");
+  make(svg, "text", { x: FRONT[0], y: FRONT[1] + FRONT[2] + 18, class: "small middle" }, "tip from the front, radius 15 mm");
   const trail = make(svg, "polyline", { class: "trail" }), dot = make(svg, "circle", { r: 5, class: "tip" });
   const bar = (sensor || wallPart) && contactForce(svg, 400, 34, 250, view, sensor, sensor ? undefined : wallPart);
   const text = make(svg, "text", { x: 385, y: 238, class: "small" });
@@ -47,11 +47,9 @@ export function bench(place, view) {
     const last = been[been.length - 1];
     if (!last || Math.hypot(last[0] - seen[0], last[1] - seen[1]) > 0.5) { been.push(seen); if (been.length > TRAIL) been.shift(); set(trail, { points: been.map((one) => one.map((v) => v.toFixed(1)).join()).join(" ") }); }
     const given = of(site, "given");
-    say(text, `tip ${flat ? "" : `x ${mm(x)}, `}y ${mm(y)}, z ${mm(z)} mm · needle ${mm(out)} mm${given === undefined ? "" : ` · given ${(given * 1e9).toFixed(1)} µL`}`);
+    say(text, `tip ${flat ? "" : `x ${millimeters(x)}, `}y ${millimeters(y)}, z ${millimeters(z)} mm · needle ${millimeters(out)} mm${given === undefined ? "" : ` · given ${(given * 1e9).toFixed(1)} µL`}`);
   };
 }
-
-function mm(value) { return (value * 1e3).toFixed(1); }
 
 function slide(svg, axis, y) {
   const left = 96, right = 330, middle = (left + right) / 2;
@@ -64,6 +62,6 @@ function slide(svg, axis, y) {
     const at = of(axis, "position") ?? 0;
     range = Math.max(range, Math.abs(at) * 1.1);
     set(block, { x: middle - 10 + (at / range) * ((right - left) / 2 - 12), class: of(axis, "moving") ? "block moving" : "block" });
-    say(text, `${mm(at)}`);
+    say(text, `${millimeters(at)}`);
   };
 }

@@ -1,6 +1,6 @@
 // The rig of paper A: carriages with their grippers, the instrument in its sheath, the wall at its end.
 
-import { clamp, contactForce, make, parts, say, set, sheet, wall } from "./draw.js";
+import { clamp, contactForce, make, millimeters, parts, say, set, sheet, wall } from "./draw.js";
 
 const MM = 2000;              // [px/m] along the carriages
 const LINE = 96, RAIL = 196;  // height of the instrument, of the rail
@@ -74,7 +74,7 @@ export function rig(place, view) {
     const bow = clamp((of(wallPart, "displacement") ?? 0) * 1500, -26, 26);
     set(tip, { d: out ? `M${END} ${OUT} C${END + (x - END) / 3} ${OUT} ${END + (x - END) / 2} ${OUT - bow} ${x} ${OUT}` : "" });
     set(end, { cx: x, cy: OUT, visibility: out ? "visible" : "hidden" });
-    say(state, `tip ${wallPart ? "at" : "moved"} ${(place * 1e3).toFixed(1)} mm`);  // from its start, not along the vessel
+    say(state, `${wallPart ? "tip at" : "inserted"} ${millimeters(place)} mm`);  // since the start, not the place along the vessel
   };
 }
 
@@ -122,8 +122,8 @@ function carriage(svg, drive, center, cylinder, sleeve, braid) {
       const velocity = of(drive, "velocity") ?? 0, visibility = Math.abs(velocity) < STILL ? "hidden" : "visible";
       set(speed, { x2: clamp(velocity * 1500, -75, 75), visibility, class: of(drive, "limited") ? "speed bad" : "speed" });
       set(figure, { visibility });
-      say(figure, `${(velocity * 1e3).toFixed(1)} mm/s`);
-      say(name, `${(position * 1e3).toFixed(1)} mm`);
+      say(figure, `${millimeters(velocity)} mm/s`);
+      say(name, `${millimeters(position)} mm`);
       return position;
     },
   };
