@@ -44,7 +44,7 @@ function fitPane(chart, pane, box, shown, more) {
   const [from, to] = pane.own ? ownExtent(shown) : chart.axis();
   const logX = (pane.log || "").includes("x"), logY = (pane.log || "").includes("y"), extra = [...(pane.band || []), ...(pane.lines || [])];
   let [low, high] = extent([...shown, ...more], from, to, extra);
-  const near = (pane.limits || []).map((one) => one.y).filter((y) => y > 2 * low - high && y < 2 * high - low);
+  const near = (pane.limits || []).filter(({ y, failed }) => failed || (y > 2 * low - high && y < 2 * high - low)).map(({ y }) => y);
   if (near.length) [low, high] = extent([...shown, ...more], from, to, [...extra, ...near]);
   if (logY) [low, high] = decadeRange(shown);
   if (pane.range) [low, high] = pane.range;
