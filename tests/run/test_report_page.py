@@ -249,7 +249,10 @@ def test_legends_that_wrap_cover_no_curve(page) -> None:
 @pytest.mark.slow
 def test_a_link_of_the_contents_unfolds_a_plot(page) -> None:
     folded = page.locator("#plots details:has(figure)")
-    assert folded.evaluate_all("(all) => all.map((one) => one.open)") == [False, False]  # the first plot shows the failure
+    assert folded.evaluate_all("(all) => all.map((one) => one.open)") == [
+        False,
+        False,
+    ]  # the first plot shows the failure
     page.locator("nav a", has_text="Position").click()
     page.wait_for_function("document.querySelector('#plots details:has(figure)').open")
     page.wait_for_function(f"{CHARTS}.at(-2).width > 300 && {CHARTS}.at(-2).frames > 0")
