@@ -41,12 +41,16 @@ def test_what_failed_is_shown_first_and_shaded(open_page, folders):
 
 def test_the_first_failure_in_time_is_shown_first_with_its_limit(browser, tmp_path):
     late = "  - {name: far away later, signal: heart.position, at_least: 50 mm, from: 1.5 s}\n"
-    early = late.replace("later", "from the start").replace("1.5 s", "0.1 s")
-    with viewed(beats(tmp_path, BEATS.replace("expect:\n", f"expect:\n{late}{early}"))) as address:
+    late += "  - {name: always too fast, metric: top_speed, at_most: -1 mm/s}\n"
+    early = late.partition("\n")[0].replace("later", "from the start").replace("1.5 s", "0.1 s") + "\n"
+    top = "metrics:\n  top_speed: {signal: heart.velocity, reduce: max, unit: mm/s}\n"
+    with viewed(
+        beats(tmp_path, BEATS.replace("expect:\n", f"expect:\n{late}{early}").replace("metrics:\n", top))
+    ) as address:
         context = browser.new_context(viewport={"width": 900, "height": 900})
         page = Page(context, address)
         names = page.page.locator("#expectations .outcome.bad span > b").all_inner_texts()
-        assert names == ["far away from the start", "it stays near", "far away later"]
+        assert names == ["far away from the start", "it stays near", "far away later", "always too fast"]
         page.page.locator("#expectations").get_by_text("far away later").click()
         page.drawn()
         box = page.page.evaluate("document.getElementById('chart').chart.boxes[0]")

@@ -41,8 +41,8 @@ REPEAT_INTERVAL = 0.2  # longest time between merged settings of one variable [s
 class ExpectationView:
     """An expectation. `low`, `high`: limits in the display unit of `signal`; `spans`: failed spans [s], by case.
 
-    `signal` is a normalized expression for comparisons; empty if the expectation has no signal. `failed_at`: when it first
-    fails [s]; of a metric over time the end of its window.
+    `signal` is a normalized expression for comparisons; empty if the expectation has no signal. `failed_at`: when its
+    signal first fails [s]; None for a metric, whose value is of a window.
     """
 
     name: str
@@ -160,7 +160,7 @@ class Verdicts:
             end,
             expectation.variants,
             None if failure is None else spans,
-            min((own[0][failure is not None and failure.over_time] for own in spans.values()), default=None),
+            min((own[0][0] for own in spans.values() if expectation.signal), default=None),
         )
 
     def _has(self, signal: Expression) -> bool:
