@@ -64,6 +64,29 @@ def test_the_first_failure_in_time_is_shown_first_with_its_limit(browser, tmp_pa
         context.close()
 
 
+def test_the_failure_of_a_metric_is_shown_over_the_whole_time_with_a_plot(browser, tmp_path):
+    text = BEATS.replace("at_most: 4 mm", "at_most: 40 mm")
+    limit = "expect:\n  - {name: slowly, metric: mean_speed, at_most: 1 mm/s}\n"
+    with viewed(beats(tmp_path, text.replace("expect:\n", limit))) as address:
+        context = browser.new_context(viewport={"width": 1280, "height": 900})
+        page = Page(context, address)
+        assert page.state["window"] is None
+        assert [one["title"] for one in page.curves()] == ["heart.velocity", "heart.position"]
+        assert page.wrong == []
+        context.close()
+
+
+def test_failed_spans_of_several_cases_are_as_light_as_of_one(open_page):
+    page = open_page()
+    pixel = """() => { const { chart } = document.getElementById("chart"), box = chart.boxes[0], at = chart.panes[0].spans[0];
+        const x = box.across((at.from + at.to) / 2) * chart.ratio, y = (box.top + 3) * chart.ratio;
+        return [...chart.picture.getContext("2d").getImageData(x, y, 1, 1).data]; }"""
+    both = page.page.evaluate(pixel)
+    page.page.locator("#cases .seed", has_text="2").nth(1).click()
+    page.drawn()
+    assert page.page.evaluate(pixel) == both
+
+
 def test_the_read_out_stays_beside_the_tables(open_page):
     page = open_page()
     chart = page.page.locator("#chart").bounding_box()

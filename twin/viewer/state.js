@@ -29,7 +29,8 @@ function first() {
     found.panes = [pane([failed.signal], { variants: failed.variants.length ? failed.variants : undefined })];
     const bad = Object.keys(failed.spans).map(Number), shown = new Set(found.cases);
     if (!bad.some((k) => shown.has(k))) found.cases = [bad[0], ...found.cases];
-    found.window = windowOfFailure(failed, found);
+    if (failed.failed_at === null) found.panes.push(...firstPlots(1).slice(0, 1)); // of a metric: its signal may be one number
+    else found.window = windowOfFailure(failed, found);
     found.scene = found.cases.find((k) => failed.spans[k]);
   } else {
     found.panes = firstPlots(new Set(found.cases.map((k) => about.cases[k].variant)).size);

@@ -87,11 +87,13 @@ function drawPane(chart, context, pane, box, last) {
 
 function drawFrame(chart, context, pane, box, last) {
   const { colors } = chart, width = chart.width - LEFT - RIGHT, bottom = box.top + box.height;
-  if (!pane.own) for (const one of pane.spans || []) {
-    context.fillStyle = colors.violation;
+  context.beginPath();
+  for (const one of pane.own ? [] : pane.spans || []) {
     const a = Math.max(box.across(one.from), LEFT), b = Math.min(box.across(one.to), LEFT + width);
-    if (one.to >= box.from && one.from <= box.to) context.fillRect(a, box.top, Math.max(b - a, 2), box.height);
+    if (one.to >= box.from && one.from <= box.to) context.rect(a, box.top, Math.max(b - a, 2), box.height);
   }
+  context.fillStyle = colors.violation;
+  context.fill(); // once: spans of many cases hide no curve
   if (pane.band) {
     context.fillStyle = colors.band;
     context.fillRect(LEFT, box.down(pane.band[1]), width, box.down(pane.band[0]) - box.down(pane.band[1]));
