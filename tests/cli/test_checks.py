@@ -219,11 +219,11 @@ def outcome(**attributes):
 @pytest.mark.parametrize(
     ("attributes", "report", "line"),
     [
-        ({}, True, "PASS 2 of 3 in 1.23 s (12x real time). Report: runs/a/1/report.html  Look: twin view latest"),
+        ({}, True, "PASS 2 of 3 in 1.23 s (12x real time). Report: runs/a/1/report.html  Look: twin view runs/a/1"),
         (
             {"passed": False},
             False,
-            "FAIL: 1 of 3 requirements failed, in 1.23 s (12x real time). Results: runs/a/1/summary.json  Look: twin view latest",
+            "FAIL: 1 of 3 requirements failed, in 1.23 s (12x real time). Results: runs/a/1/summary.json  Look: twin view runs/a/1",
         ),
         (
             {"met": 0, "judged": 0, "factor": 9.94},

@@ -48,7 +48,7 @@ def test_all_structures_are_drawn_up_to_six(tmp_path) -> None:
     structures = [((f"<svg id='s{number}'/>", ""), [f"v{number}"]) for number in range(8)]
     text = written(tmp_path, structures=structures)
     assert [f"<svg id='s{number}'/>" in text for number in range(8)] == [True] * 6 + [False] * 2
-    assert text.count("<details><summary>v") == 5  # the first one is open
+    assert text.count("<details><summary>v") == 6
     assert "2 more differ: <code>twin graph x --variant NAME</code>" in text
     assert "--variant NAME" not in written(tmp_path, structures=structures[:6])
 
@@ -240,9 +240,22 @@ def test_values_of_metrics_are_on_a_phone(browser, tmp_path) -> None:
 @pytest.mark.slow
 def test_legends_that_wrap_cover_no_curve(page) -> None:
     rows = f"{CHARTS}.flatMap((chart) => [...chart.legends.children].map((row, k) => chart.boxes[k].top - row.offsetTop - row.offsetHeight))"
+    page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
     page.add_style_tag(content=".panels { max-width: 150px; }")  # chart and legends change in one frame
     page.wait_for_function(f"{CHARTS}.every((chart) => chart.width === 150)")
     page.wait_for_function(f"{rows}.every((gap) => gap >= 0)", timeout=3000)
+
+
+@pytest.mark.slow
+def test_a_link_of_the_contents_unfolds_a_plot(page) -> None:
+    folded = page.locator("#plots details:has(figure)")
+    assert folded.evaluate_all("(all) => all.map((one) => one.open)") == [
+        False,
+        False,
+    ]  # the first plot shows the failure
+    page.locator("nav a", has_text="Position").click()
+    page.wait_for_function("document.querySelector('#plots details:has(figure)').open")
+    page.wait_for_function(f"{CHARTS}.at(-2).width > 300 && {CHARTS}.at(-2).frames > 0")
 
 
 @pytest.mark.slow
@@ -264,6 +277,7 @@ def test_a_drawing_keeps_legible_letters_and_says_that_it_goes_on(browser, tmp_p
     written(tmp_path, structures=[((svg, "remark"), ["PI"])])
     page = browser.new_page(viewport={"width": 360, "height": 740})
     page.goto(f"file://{tmp_path}/report.html")
+    page.locator("#system summary").click()
     page.wait_for_function("document.querySelector('.drawing').matches('.cut')")
     shown, full = page.locator(".drawing > svg").evaluate("(svg) => [svg.clientWidth, svg.viewBox.baseVal.width]")
     assert shown >= 0.74 * full

@@ -196,7 +196,10 @@ def two_variants() -> tuple[Evaluation, list[Any]]:
 def test_a_matrix_has_failures_first() -> None:
     evaluation, violations = two_variants()
     found = build_matrix(evaluation, violations)
-    assert found.columns == (("last", "mN", "final of a.force"), ("mean", "mN", "mean force"))
+    assert found.columns == (
+        ("last", "mN", "final of a.force, from 1 s"),
+        ("mean", "mN", "mean force: mean of a.force"),
+    )
     assert found.rows == (
         MatrixRow("FF", (MatrixCell("60", "50", 0.06, "fail"), MatrixCell("60", "", 0.06, "info")), ("small", "last")),
         MatrixRow("PI", (MatrixCell(), MatrixCell("30", "", 0.03, "info")), ()),
@@ -217,8 +220,8 @@ def test_a_matrix_has_metrics_with_a_reference_before_others() -> None:
 def test_lines_of_failures() -> None:
     evaluation, _ = two_variants()
     assert report.list_failures(evaluation) == [
-        "small: mean is 0.06 N in FF, seed 1; expected at most 0.04 N. Broken in 1 of 2 runs: FF.",
-        "last, FF: 60 mN; the paper: 50 mN ± 10 %",
+        ("small", "mean is 0.06 N in FF, seed 1; expected at most 0.04 N. Broken in 1 of 2 runs: FF."),
+        ("last, FF", "60 mN; the paper: 50 mN ± 10 %"),
     ]
     rows = {row["metric"] + row["variant"]: row for row in report.metric_rows(evaluation.metric_results)}
     assert rows["lastFF"] == {

@@ -337,5 +337,7 @@ def test_a_case_is_judged_by_metrics_and_the_expectations_that_it_has_alone(tmp_
     high = own.judged(StudyRequest(3, "sample", 1, "soft", 1, ()), recorded(time, 0.1 + 0.0 * time), "done", "")
     assert high.holds == (False, None)
     assert high.why.startswith("gentle: ")
+    early = own.judged(StudyRequest(3, "sample", 1, "plain", 1, ()), recorded(time[:150], 0.0 * time[:150]), "done", "")
+    assert (early.metrics[1], early.why) == (None, "Without a value: motion (no finite sample in their window).")
     lost = own.judged(StudyRequest(3, "sample", 1, "plain", 1, ()), None, "failed", "why")
     assert (lost.metrics, lost.holds, lost.why) == ((None, None), (False, None), "why")

@@ -88,6 +88,10 @@ def test_parallel_coordinates_scale_each_factor_to_its_span(study, drawn):
     assert np.isnan(columns[5, 3])
     ends = [one.get_text() for one in axis.texts]
     assert ends[-2:] == ["20", "100"]
+    letters = [*axis.texts, *axis.get_xticklabels()]
+    assert (
+        min(one.get_fontsize() for one in letters) * 720.0 / (72.0 * 9.2) > 9.0
+    )  # of a picture 720 px wide on a phone
     assert ends[:2] == [f"{values[:, 0].min():.3g}", f"{values[:, 0].max():.3g}"]
     names = [one.get_text() for one in axis.get_xticklabels()]
     assert names == ["heart.rate [1/min]", "heart.scale", "bent end [x]", "force_max [mN]"]

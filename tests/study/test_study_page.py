@@ -51,6 +51,7 @@ def test_a_narrow_screen_scrolls_tables_and_plots_with_legible_letters(browser, 
     shown.locator("#cases .scroll").evaluate("box => { box.scrollLeft = 200; }")
     assert cell.bounding_box()["x"] == pytest.approx(before, abs=1.0)  # the number of the case stays
     assert "1234 s" in shown.inner_text(".facts")
+    shown.locator("#spreads summary").click()
     assert "that end holds with 97.5 % confidence" in shown.inner_text("#spreads")
     shown.close()
 

@@ -221,7 +221,7 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
         ("12.3 s", "3 processes"),
     ]
     rows = [cells(row) for row in re.findall("<tr.*?</tr>", text, re.DOTALL)]
-    first, second, third, last = rows[-8:-4]
+    first, second, third, last = rows[-4:]
     assert [one.split()[0] for one in (first, second, third, last)] == ["2", "4", "1", "3"]  # failures first
     assert first.startswith("2 report Copy gentle soft ")
     assert f'data-command="twin view {tmp_path}:2"' in text
@@ -229,7 +229,7 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
     assert f'data-command="twin run --case {tmp_path}:3"' in text
     assert "did not finish: lost" in second
     assert (tmp_path / page.PAGE).read_text().count("navigator.clipboard.writeText") == 1
-    assert rows[-4:] == [
+    assert rows[:4] == [  # first of all, what was varied
         "Factor Variables Distribution Range in the cases Source",
         *(
             " ".join(one[key] for key in ("name", "targets", "kind", "span", "source"))
@@ -245,6 +245,9 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
             *(f"{kind} {metric} {variant}" for variant in ("plain", "soft") for kind in ("scatter", "parallel")),
         )
     ]
+    passed, missed = text.split("at 100 %</summary>")[1], text[text.index('id="shares"') :].split("at 100 %")[0]
+    assert ("<td>gentle</td><td>plain</td>" in passed, "<td>gentle</td><td>soft</td>" in missed) == (True, True)
+    assert "<td>gentle</td><td>plain</td>" not in missed
     assert 'id="worst"' not in text
     assert 'id="tornados"' not in text
     answers = json.loads((tmp_path / page.ANSWERS).read_text())

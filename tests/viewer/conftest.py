@@ -28,10 +28,14 @@ def address(folders):
 def open_page(browser, address):
     opened = []
 
-    def one(where="", **options):
+    def one(where="", is_whole=True, **options):
         context = browser.new_context(viewport={"width": 1280, "height": 900}, **options)
         opened.append((context, Page(context, address + where)))
-        return opened[-1][1]
+        page = opened[-1][1]
+        if is_whole and not where:  # the page opens around the first failure
+            page.page.locator("#all").click()
+            page.drawn()
+        return page
 
     yield one
     for context, page in opened:

@@ -15,7 +15,7 @@ MINUS = "\N{MINUS SIGN}"
 
 
 def test_what_failed_is_shown_first_and_shaded(open_page, folders):
-    page = open_page()
+    page = open_page(is_whole=False)
     (pane,) = page.curves()
     assert (pane["title"], pane["unit"]) == ("heart.position", "mm")
     opened = runs(*folders)
@@ -24,15 +24,76 @@ def test_what_failed_is_shown_first_and_shaded(open_page, folders):
     first = time[(position > 4e-3) & (time >= 0.5)][0]
     assert pane["spans"][0]["from"] == first
     assert pane["limits"][0]["y"] == 4.0
+    begin, end = page.state["window"]
+    assert begin < first < end < first + 0.5  # around the first violation
+    assert page.page.locator("#pictured").input_value() == "2"  # the scene is of the first failed case
     legend = page.page.locator("#chart .violations")
     assert legend.inner_text() == "red: fails it stays near, in A: fast"
     page.page.mouse.move(*page.place(first / 2.0 + 0.002))
     page.page.locator(".twin-hover .twin-fail").wait_for()
     assert page.page.locator(".twin-hover .twin-fail").all_inner_texts() == ["fails: it stays near, in A: fast"]
+    page.page.locator("#all").click()
     page.page.get_by_text("A: it stays near").click()
     page.drawn()
     window = page.state["window"]
     assert window[0] < first < window[1] < first + 0.5
+
+
+def test_the_first_failure_in_time_is_shown_first_with_its_limit(browser, tmp_path):
+    late = "  - {name: far away later, signal: heart.position, at_least: 50 mm, from: 1.5 s}\n"
+    late += "  - {name: always too fast, metric: top_speed, at_most: -1 mm/s}\n"
+    early = late.partition("\n")[0].replace("later", "from the start").replace("1.5 s", "0.1 s") + "\n"
+    top = "metrics:\n  top_speed: {signal: heart.velocity, reduce: max, unit: mm/s}\n"
+    with viewed(
+        beats(tmp_path, BEATS.replace("expect:\n", f"expect:\n{late}{early}").replace("metrics:\n", top))
+    ) as address:
+        context = browser.new_context(viewport={"width": 900, "height": 900})
+        page = Page(context, address)
+        names = page.page.locator("#expectations .outcome.bad span > b").all_inner_texts()
+        assert names == ["far away from the start", "it stays near", "far away later", "always too fast"]
+        page.page.locator("#expectations").get_by_text("far away later").click()
+        page.drawn()
+        box = page.page.evaluate("document.getElementById('chart').chart.boxes[0]")
+        assert box["low"] < 50.0 < box["high"]  # far from all samples
+        cases = page.page.locator("#cases")
+        left = page.page.locator("#left")
+        assert cases.bounding_box()["y"] + cases.bounding_box()["height"] <= (
+            left.bounding_box()["y"] + left.bounding_box()["height"]
+        )  # nothing of it is cut off at a medium width
+        assert page.wrong == []
+        context.close()
+
+
+def test_the_failure_of_a_metric_is_shown_over_the_whole_time_with_a_plot(browser, tmp_path):
+    text = BEATS.replace("at_most: 4 mm", "at_most: 40 mm")
+    limit = "expect:\n  - {name: slowly, metric: mean_speed, at_most: 1 mm/s}\n"
+    with viewed(beats(tmp_path, text.replace("expect:\n", limit))) as address:
+        context = browser.new_context(viewport={"width": 1280, "height": 900})
+        page = Page(context, address)
+        assert page.state["window"] is None
+        assert [one["title"] for one in page.curves()] == ["heart.velocity", "heart.position"]
+        assert page.wrong == []
+        context.close()
+
+
+def test_failed_spans_of_several_cases_are_as_light_as_of_one(open_page):
+    page = open_page()
+    pixel = """() => { const { chart } = document.getElementById("chart"), box = chart.boxes[0], at = chart.panes[0].spans[0];
+        const x = box.across((at.from + at.to) / 2) * chart.ratio, y = (box.top + 3) * chart.ratio;
+        return [...chart.picture.getContext("2d").getImageData(x, y, 1, 1).data]; }"""
+    both = page.page.evaluate(pixel)
+    page.page.locator("#cases .seed", has_text="2").nth(1).click()
+    page.drawn()
+    assert page.page.evaluate(pixel) == both
+
+
+def test_the_read_out_stays_beside_the_tables(open_page):
+    page = open_page()
+    chart = page.page.locator("#chart").bounding_box()
+    for part in (0.4, 0.6, 0.95):
+        page.page.mouse.move(chart["x"] + part * chart["width"], chart["y"] + 0.5 * chart["height"])
+        box = page.page.locator(".twin-hover").bounding_box()
+        assert box["x"] + box["width"] <= chart["x"] + chart["width"]
 
 
 def test_plots_begin_in_their_window_with_their_variants(browser, tmp_path):

@@ -6,12 +6,13 @@ import shutil
 import numpy as np
 import pytest
 
-from tests.viewer.recorded import FORCE, PLACE, beats, folder_of, runs
+from tests.viewer.recorded import BEATS, FORCE, PLACE, beats, folder_of, runs
 from twin.errors import TwinError
 from twin.results import EventLine, MetricResult, consecutive_spans, metric_formats
 from twin.results.recording.run_folder import metric_to_dict
 from twin.viewer import select_cases, select_signals
 from twin.viewer.page_data import about
+from twin.viewer.runs import ViewedCurve
 from twin.viewer.verdicts import Verdicts, merge_repeated
 
 
@@ -23,6 +24,24 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def opened(folder):
     return runs(folder)
+
+
+@pytest.mark.slow
+def test_a_signal_that_only_a_metric_judges_has_the_unit_of_the_metric(tmp_path):
+    text = BEATS.replace("unit: mm/s, reference: {slow: 20 mm/s}", "unit: cm/s, reference: {slow: 2 cm/s}")
+    text = text.replace("reduce: rms", "reduce: max")
+    text = text.replace("metrics:\n", "metrics:\n  far: {signal: heart.position, reduce: max, unit: cm}\n")
+    speed = "  - {name: slowly, metric: mean_speed, at_most: 0.1 cm/s}\n"
+    opened = runs(beats(tmp_path, text.replace("expect:\n", f"expect:\n{speed}")))
+    units = {signal["name"]: signal["unit"] for signal in about(opened)["signals"]}
+    assert (units["heart.velocity"], units["heart.position"]) == ("cm/s", "mm")  # an expectation judges the position
+    slowly, near, _ = opened.runs[0].verdicts.expectations()
+    assert (slowly.high, near.high) == (pytest.approx(0.1), 4.0)
+    plain, same = (opened.samples(ViewedCurve(signal, 0)) for signal in ("heart.velocity", "heart.velocity + 0"))
+    raw = opened.runs[0].recording.column(("slow", 1), "heart.velocity")
+    for samples in (plain, same):
+        assert samples.unit == ("cm/s" if samples is plain else "mm/s")
+    np.testing.assert_allclose(plain.shown(plain.y), 100.0 * raw)
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rich.table import Table
     from rich.text import Text
 
-    from twin.results import MetricFormat
+    from twin.results import Metric, MetricFormat
 
 UNLIMITED = 10_000  # columns
 
@@ -55,21 +55,17 @@ def metric_cells(result: MetricResult, style: MetricFormat) -> dict[str, str]:
         "ratio": "-" if result.ratio is None else f"{result.ratio:.2f}",
         "tolerance": f"± {100 * tolerance:g} %" if tolerance is not None and result.paper is not None else "-",
         "description": result.metric.description,
-        "definition": metric_definition(result),
+        "definition": metric_definition(result.metric),
     }
 
 
-def list_failures(evaluation: Evaluation) -> list[str]:
-    """Return a line for each failed expectation and each metric outside its tolerance."""
-    lines = [
-        f"{result.name}: {result.detail}" if has_own_name(result) else result.detail
-        for result in evaluation.expectation_results
-        if result.verdict == "fail"
-    ]
+def list_failures(evaluation: Evaluation) -> list[tuple[str, str]]:
+    """Return name and detail of each failed expectation and each metric outside its tolerance."""
+    failures = [(result.name, result.detail) for result in evaluation.expectation_results if result.verdict == "fail"]
     for row in filter(is_failure, metric_rows(evaluation.metric_results)):
         reference = f"; the paper: {row['paper']} {row['tolerance']}" if row["paper"] != "-" else ""
-        lines.append(f"{row['description'] or row['metric']}, {row['variant']}: {row['mean']}{reference}")
-    return lines
+        failures.append((f"{row['description'] or row['metric']}, {row['variant']}", f"{row['mean']}{reference}"))
+    return failures
 
 
 def is_failure(row: Mapping[str, str]) -> bool:
@@ -77,9 +73,9 @@ def is_failure(row: Mapping[str, str]) -> bool:
     return row["verdict"] in ("fail", "none")
 
 
-def metric_definition(result: MetricResult) -> str:
+def metric_definition(metric: Metric) -> str:
     """Format the definition of a metric: `std of sensor.force - 0.2, from 4 s`."""
-    return f"{result.metric.reduce.replace('_', ' ')} of {result.metric.signal.text}{result.metric.window.text}"
+    return f"{metric.reduce.replace('_', ' ')} of {metric.signal.text}{metric.window.text}"
 
 
 def results_table(evaluation: Evaluation, verbose: bool = False) -> Group:
@@ -103,7 +99,7 @@ def results_table(evaluation: Evaluation, verbose: bool = False) -> Group:
         verdicts.add_row(Text(*VERDICTS["unjudged"]), Text(sentence))
     for verdict, text in () if verbose else count_expectations(expectations).items():
         verdicts.add_row(Text(*VERDICTS[verdict]), Text(text))
-    table = MetricTable(metric_rows(metrics)) if verbose else MetricOverview(metrics)
+    table = MetricTable(metric_rows(metrics), has_seeds(metrics)) if verbose else MetricOverview(metrics)
     return Group(*[table] * bool(metrics), *[verdicts] * bool(verdicts.row_count))
 
 
@@ -120,13 +116,18 @@ def count_expectations(results: Sequence[ExpectationResult]) -> dict[str, str]:
 
 def compact_table(results: Sequence[MetricResult]) -> MetricTable:
     """Return the table of some metrics, failures first, without columns that say nothing: one seed is its own worst."""
-    table = MetricTable(sorted(metric_rows(results), key=lambda row: not is_failure(row)))
+    table = MetricTable(sorted(metric_rows(results), key=lambda row: not is_failure(row)), has_seeds(results))
     is_used = {
-        "worst": any(len(result.values) > 1 for result in results),
+        "worst": has_seeds(results),
         "tolerance": any(result.verdict in ("pass", "fail") for result in results),
     }
     table.titles = {key: title for key, title in table.titles.items() if is_used.get(key, True)}
     return table
+
+
+def has_seeds(results: Iterable[MetricResult]) -> bool:
+    """Whether metrics have values of several seeds."""
+    return any(len(result.values) > 1 for result in results)
 
 
 class MetricOverview:
@@ -180,9 +181,9 @@ class MetricOverview:
 
         results = [result for group in self.others.values() for result in group]
         formats = metric_formats(results)
-        has_seeds = any(len(result.values) > 1 for result in results)
+        is_mean = has_seeds(results)
         table = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
-        table.add_column("mean / worst of the seeds" if has_seeds else "metric", no_wrap=True)
+        table.add_column("mean / worst of the seeds" if is_mean else "metric", no_wrap=True)
         variants = list(dict.fromkeys(result.variant for result in results))
         for variant in variants:
             table.add_column(Text(variant), justify="right", no_wrap=True)
@@ -191,7 +192,7 @@ class MetricOverview:
             cells = dict.fromkeys(variants, "-")
             for result in group:
                 numbers = [style.number(value, result.scale) for value in (result.mean, result.worst)]
-                cells[result.variant] = " / ".join(numbers if has_seeds else numbers[:1])
+                cells[result.variant] = " / ".join(numbers if is_mean else numbers[:1])
             table.add_row(*map(Text, (f"{name} [{style.label}]" if style.label else name, *cells.values())))
         return table
 
@@ -202,11 +203,15 @@ class MetricTable:
     One row for each variant, next to its metric; below its metric; as a sentence below its metric.
     """
 
-    def __init__(self, rows: list[dict[str, str]]) -> None:
+    def __init__(self, rows: list[dict[str, str]], has_seeds: bool = False) -> None:
         self.rows = rows
         self.has_reference = any(row["paper"] != "-" for row in rows)
         keys = ("paper", "mean", "worst", "ratio", "tolerance") if self.has_reference else ("mean", "worst")
-        self.titles = {key: "twin" if key == "mean" and self.has_reference else key for key in keys}
+        self.titles = {key: key for key in keys}
+        if self.has_reference:
+            self.titles["mean"] = "twin, mean" if has_seeds else "twin"
+        if has_seeds:
+            self.titles["worst"] = "worst seed"
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterable[RenderableType]:
         """Render for rich."""

@@ -79,15 +79,15 @@ def mark_code(text: str) -> Markup:
     return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))  # noqa: S704 - escaped
 
 
-def link_failures(evaluation: Evaluation, figures: Sequence[ReportFigure]) -> list[tuple[str, str]]:
+def link_failures(evaluation: Evaluation, figures: Sequence[ReportFigure]) -> list[tuple[tuple[str, str], str]]:
     """Return each failure with the element of the page that shows it: its plot, or a table."""
     plots = {
         name: f"plot-{number}" for number, figure in reversed(list(enumerate(figures, 1))) for name in figure.violations
     }
     expectations = [result.name for result in evaluation.expectation_results if result.verdict == "fail"]
-    lines = list_failures(evaluation)
+    failures = list_failures(evaluation)
     targets = [plots.get(name, "expectations") for name in expectations]
-    return list(zip(lines, targets + ["figures"] * (len(lines) - len(targets)), strict=True))
+    return list(zip(failures, targets + ["figures"] * (len(failures) - len(targets)), strict=True))
 
 
 def report_html(

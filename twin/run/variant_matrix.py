@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from twin.results import metric_formats, si_conversion
+from twin.run.report import metric_definition
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -80,7 +81,7 @@ def build_matrix(evaluation: Evaluation, violations: Sequence[Violation]) -> Mat
         failed_metrics = [name for name, cell in zip(metrics, cells, strict=True) if cell.verdict in FAILED]
         rows.append(MatrixRow(variant, tuple(cells), (*failed_names.get(variant, ()), *failed_metrics)))
     columns = tuple(
-        (name, formats[name].label, metric.description or f"{metric.reduce} of {metric.signal.text}")
+        (name, formats[name].label, ": ".join(filter(None, (metric.description, metric_definition(metric)))))
         for name, metric in metrics.items()
     )
     return Matrix(columns, tuple(sorted(rows, key=lambda row: not row.failures)))

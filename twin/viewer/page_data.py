@@ -8,17 +8,20 @@ from typing import TYPE_CHECKING, Any
 from twin.component import unit as units
 from twin.results import expression
 from twin.viewer import following
-from twin.viewer.verdicts import Verdicts
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from twin.viewer.runs import RunCollection
+    from twin.viewer.verdicts import ExpectationView, Verdicts
 
 MAX_SIGNALS = 20_000  # in the tree
+ORDER = {"fail": 0, "skipped": 2}  # of expectations
 
 
 def about(runs: RunCollection) -> dict[str, Any]:
     """Return the description as JSON data; times in seconds."""
-    verdicts = [Verdicts(run) for run in runs.runs]
+    verdicts = [run.verdicts for run in runs.runs]
     numbers = {(case.run, *case.key): number for number, case in enumerate(runs.cases)}
     return {
         "runs": [
@@ -43,8 +46,7 @@ def about(runs: RunCollection) -> dict[str, Any]:
                 "run": number,
                 "spans": {str(numbers[number, *case]): spans for case, spans in (expectation.spans or {}).items()},
             }
-            for number, verdict in enumerate(verdicts)
-            for expectation in verdict.expectations()
+            for number, expectation in sort_expectations(verdicts)
         ],
         "metrics": [
             metric | {"run": number} for number, verdict in enumerate(verdicts) for metric in verdict.metrics()
@@ -61,6 +63,14 @@ def about(runs: RunCollection) -> dict[str, Any]:
     }
 
 
+def sort_expectations(verdicts: Iterable[Verdicts]) -> list[tuple[int, ExpectationView]]:
+    """Return all expectations with the numbers of their runs: failed ones first, by the time at which they fail."""
+    pairs = [(number, view) for number, verdict in enumerate(verdicts) for view in verdict.expectations()]
+    return sorted(
+        pairs, key=lambda pair: (ORDER.get(pair[1].verdict, 1), pair[1].failed_at is None, pair[1].failed_at or 0.0)
+    )
+
+
 def signals(runs: RunCollection) -> list[dict[str, Any]]:
     """Return every column with the cases that recorded it: `all`, or their numbers."""
     columns: dict[str, dict[str, Any]] = {}
@@ -69,7 +79,7 @@ def signals(runs: RunCollection) -> list[dict[str, Any]]:
         for variable in viewed.variables.values():
             for name in variable.columns:
                 if name not in columns and len(columns) < MAX_SIGNALS:
-                    unit = units.shown(variable.display_unit or variable.unit)
+                    unit = units.shown(viewed.display_unit(name))
                     columns[name] = {"name": name, "unit": unit, "about": variable.description, "cases": []}
                 if name in columns and viewed.recording.has(case.key, name):
                     columns[name]["cases"].append(number)

@@ -231,7 +231,7 @@ for (const id of ["signal", "x"]) completes(find(id));
 if (about.embedded) find("new").hidden = true;
 find("expectations").open = about.expectations.some((one) => one.verdict !== "pass") || !about.metrics.length;
 if (about.following) find("values").open = false; // room for the chart
-if (innerWidth < NARROW) for (const id of ["signals", "cases", "metrics", "values"]) find(id).open = false;
+for (const [width, ids] of [[MIDDLE, ["signals"]], [NARROW, ["cases", "metrics", "values"]]]) if (innerWidth <= width) for (const id of ids) find(id).open = false;
 begin();
 if (about.growing && !about.embedded) followed();
 tree();

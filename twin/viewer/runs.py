@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from dataclasses import dataclass, replace
 from functools import cached_property
 from string import ascii_uppercase
@@ -15,6 +16,7 @@ from twin.results import Signals, dimension, expression, si_conversion
 from twin.viewer import following
 from twin.viewer.live_run import GrowingRecording, UnfinishedRun, is_running
 from twin.viewer.recording import ColumnCache, ParquetRecording
+from twin.viewer.verdicts import Verdicts
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -101,6 +103,16 @@ class OpenRun:
         operated = self.folder / "operated.yaml"
         return operated if operated.exists() else self.folder / "scenario.yaml"
 
+    @cached_property
+    def verdicts(self) -> Verdicts:
+        """Expectations, metrics, events and plots of the run."""
+        return Verdicts(self)
+
+    def display_unit(self, column: str) -> str:
+        """Return the unit in which a column is shown: that of its metrics, else its own."""
+        variable = self.variables.get(column) or self.variables[column.partition("[")[0]]
+        return self.verdicts.units.get(column) or variable.display_unit or variable.unit
+
     def parse(self, text: str) -> Expression:
         """Return an expression over recorded signals; TwinError if it is invalid."""
         result = expression.parse(text)
@@ -118,6 +130,8 @@ class OpenRun:
 
     def unit(self, parsed: Expression) -> str:
         """Return the display unit of an expression; ScenarioError if dimensions do not match."""
+        if judged := self.verdicts.units.get(ast.unparse(parsed.tree)):
+            return judged
         own = {signal.name: self.variables[signal.name] for signal in parsed.signals}
         result = dimension.expression_measure(parsed, {name: variable.unit for name, variable in own.items()})
         return dimension.preferred_unit(
@@ -168,7 +182,7 @@ class OpenRun:
             raise UnknownNameError(f"{case[0]}, seed {case[1]} has not recorded {name}.")
         values = self.recording.column(case, name)
         variable = self.variables.get(name) or self.variables[name.partition("[")[0]]
-        shown = variable.display_unit or variable.unit
+        shown = self.display_unit(name)
         (factor, offset), (own, beyond) = si_conversion(shown), si_conversion(variable.unit)
         scale = (1.0, 0.0) if shown == variable.unit else (own / factor, (beyond - offset) / factor)
         return CurveSamples(

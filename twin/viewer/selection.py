@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
 from twin.viewer import following
-from twin.viewer.verdicts import Verdicts
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -56,7 +55,7 @@ def suggest_signals(runs: RunCollection) -> list[str]:
     if followed:
         return list(dict.fromkeys(followed))
     for run in runs.runs:
-        verdicts = Verdicts(run)
+        verdicts = run.verdicts
         failed = [
             expectation.signal
             for expectation in verdicts.expectations()

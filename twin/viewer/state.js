@@ -29,12 +29,22 @@ function first() {
     found.panes = [pane([failed.signal], { variants: failed.variants.length ? failed.variants : undefined })];
     const bad = Object.keys(failed.spans).map(Number), shown = new Set(found.cases);
     if (!bad.some((k) => shown.has(k))) found.cases = [bad[0], ...found.cases];
+    if (failed.failed_at === null) found.panes.push(...firstPlots(1).slice(0, 1)); // of a metric: its signal may be one number
+    else found.window = windowOfFailure(failed, found);
+    found.scene = found.cases.find((k) => failed.spans[k]);
   } else {
     found.panes = firstPlots(new Set(found.cases.map((k) => about.cases[k].variant)).size);
     for (const one of found.panes) found.cases = withVariants(found.cases, one.variants);
     found.window = windowOfPlots(found.panes.map(plotOf), found.cases);
   }
   return found;
+}
+
+// the first failed span in shown cases, with a margin
+function windowOfFailure({ spans, run }, { cases, offsets }) {
+  const shown = cases.filter((k) => spans[k]), [from, to] = shown.map((k) => spans[k][0]).sort((a, b) => a[0] - b[0])[0], own = about.cases[shown[0]];
+  const margin = Math.max((to - from) / 2, (own.end - own.begin) / 20);
+  return [Math.max(from - margin, own.begin), Math.min(to + margin, own.end)].map((time) => time + offsets[run]);
 }
 
 // these cases, and those of some variants if none of them is of these

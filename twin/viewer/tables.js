@@ -104,7 +104,7 @@ function columnTexts(values, step) {
 function badge(verdict) { return element("b", { pass: "pass", fail: "FAIL", none: "none", open: "open", skipped: "skipped" }[verdict] ?? "", { className: verdict }); }
 
 function expectations() {
-  const box = find("expectations"), order = ({ verdict }) => ({ fail: 0, pass: 1, skipped: 2 })[verdict] ?? 1, rows = about.expectations.toSorted((a, b) => order(a) - order(b)).map((one) => {
+  const box = find("expectations"), rows = about.expectations.map((one) => {
     const found = button("", () => goTo(one), { className: "outcome", disabled: !one.signal || (!!about.embedded && !about.embedded.some((each) => each.signal === one.signal || each.head.key === one.signal)) });
     const label = element("span", "");
     label.append(element("b", (about.runs.length > 1 ? `${about.runs[one.run].letter}: ` : "") + one.name), " ", element("small", one.detail && one.detail !== one.name ? one.detail : ""));
@@ -152,8 +152,7 @@ function goTo(one) {
   const bad = Object.keys(one.spans).map(Number), [low, high] = extentOf(), move = state.offsets[one.run];
   if (bad.length) {
     if (!bad.some((k) => state.cases.includes(k))) state.cases = [...state.cases, bad[0]];
-    const [from, to] = one.spans[bad.find((k) => state.cases.includes(k))][0], margin = Math.max((to - from) * 0.5, (high - low) * 0.02);
-    state.window = [Math.max(from + move - margin, low), Math.min(to + move + margin, high)];
+    state.window = windowOfFailure(one, state);
   } else state.window = one.begin === null && one.end === null ? null : [(one.begin ?? low - move) + move, (one.end ?? high - move) + move];
   show();
   find("drawing").scrollIntoView({ block: "nearest" });

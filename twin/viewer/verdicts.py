@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from twin import clock
@@ -40,7 +41,8 @@ REPEAT_INTERVAL = 0.2  # longest time between merged settings of one variable [s
 class ExpectationView:
     """An expectation. `low`, `high`: limits in the display unit of `signal`; `spans`: failed spans [s], by case.
 
-    `signal` is a normalized expression for comparisons; empty if the expectation has no signal.
+    `signal` is a normalized expression for comparisons; empty if the expectation has no signal. `failed_at`: when its
+    signal first fails [s]; None for a metric, whose value is of a window.
     """
 
     name: str
@@ -53,6 +55,7 @@ class ExpectationView:
     end: float | None = None
     variants: tuple[str, ...] = ()
     spans: dict[Key, list[tuple[float, float]]] | None = None
+    failed_at: float | None = None
 
 
 class Verdicts:
@@ -68,6 +71,25 @@ class Verdicts:
             self.problem = (
                 f"{viewed.scenario_file}: cannot be read; events and limits are not shown. {error.problems[0]}"
             )
+
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """Units of the signals that are judged by metrics only, as the metrics show them; by normalized expression."""
+        judged = self.scenario.expectations if self.scenario else ()
+        own = {ast.unparse(expectation.signal.tree) for expectation in judged if expectation.signal}
+        results = self._results()
+        formats = metric_formats(results)
+        signals = {ast.unparse(result.metric.signal.tree): result.metric for result in reversed(results)}
+        return {signal: formats[metric.name].unit for signal, metric in signals.items() if signal not in own}
+
+    def _results(self) -> list[MetricResult]:
+        definitions = self.scenario.metrics if self.scenario else {}
+        return [
+            metric_result(definitions[name], variant, figures)
+            for name, metric in self.viewed.summary["metrics"].items()
+            if name in definitions
+            for variant, figures in metric["variants"].items()
+        ]
 
     def expectations(self) -> list[ExpectationView]:
         """Return all expectations in the order of the summary; failed ones are located in the signals."""
@@ -86,13 +108,7 @@ class Verdicts:
 
     def metrics(self) -> list[dict[str, Any]]:
         """Return the metrics of the summary with their values as texts, and the signal and window of each."""
-        definitions = self.scenario.metrics if self.scenario else {}
-        results = [
-            metric_result(definitions[name], variant, figures)
-            for name, metric in self.viewed.summary["metrics"].items()
-            if name in definitions
-            for variant, figures in metric["variants"].items()
-        ]
+        results = self._results()
         formats, entries = metric_formats(results), dict[str, dict[str, Any]]()
         for result in results:
             metric, style = result.metric, formats[result.metric.name]
@@ -134,6 +150,7 @@ class Verdicts:
         if failure is not None:
             low, high = failure.low, failure.high
         begin, end = seconds(window)
+        spans = {} if failure is None else self._spans(failure)
         return ExpectationView(
             *summary,
             ast.unparse(signal.tree),
@@ -142,7 +159,8 @@ class Verdicts:
             begin,
             end,
             expectation.variants,
-            None if failure is None else self._spans(failure),
+            None if failure is None else spans,
+            min((own[0][0] for own in spans.values() if expectation.signal), default=None),
         )
 
     def _has(self, signal: Expression) -> bool:

@@ -63,13 +63,12 @@ def parallel(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
         for k, (low, high) in enumerate(spans):
             axis.axvline(k, color="#52606d", linewidth=0.8)
             for y, value in ((-0.03, low), (1.03, high)):
-                axis.text(k, y, f"{value:.3g}", ha="center", va="top" if y < 0 else "bottom", fontsize=7)
+                axis.text(k, y, f"{value:.3g}", ha="center", va="top" if y < 0 else "bottom")
         axis.set_xticks(
             range(len(labels)),
             [plotting.axis_label(name, axis_unit) for name, axis_unit in labels],
             rotation=25,
             ha="right",
-            fontsize=8,
         )
         axis.set_yticks([])
         axis.set_ylim(-0.12, 1.12)

@@ -24,7 +24,7 @@ from twin.coupling import (
     serialization_problems,
 )
 from twin.errors import SimulationError, TwinError
-from twin.results import Signals, evaluate, expression
+from twin.results import Signals, evaluate, expression, list_names
 from twin.run import apply_analyses, build_simulation, noop, recorded_signals, resolve_catalogs, run_case
 from twin.scenario import Backend, load_scenario
 from twin.study.design import CommonPrefixes, Factor, StudyRequest, VariantInputs, is_cut
@@ -141,10 +141,21 @@ class Engine:
             verdicts.append(outcome.verdict == "pass" if is_judged else None)
             if is_judged and outcome.verdict == "fail" and not why:
                 why = f"{outcome.name}: {outcome.detail}"
+        why = " ".join(filter(None, [why, *self.missing_values(request.variant, values)]))
         bands = tuple(self.sampled(band, recorded) for band in self.bands)
         return Row(
             request.number, status, why, tuple(values.get(metric) for metric in metrics), tuple(verdicts), bands=bands
         )
+
+    def missing_values(self, variant: str, values: Mapping[str, float | None]) -> list[str]:
+        """Sentences on the metrics of a variant that have no value."""
+        names: dict[str, list[str]] = {}
+        for name, value in values.items():
+            if value is None:
+                is_short = is_cut(self.scenario, variant, self.scenario.metrics[name])
+                reason = "the case ends before their window" if is_short else "no finite sample in their window"
+                names.setdefault(reason, []).append(name)
+        return [f"Without a value: {list_names(own)} ({reason})." for reason, own in names.items()]
 
     def sampled(self, signal: Expression, recorded: Signals) -> str:
         """A signal at multiples of the study's period, as text; empty if this variant has not got it."""

@@ -132,8 +132,8 @@ export class Chart {
       row.append(swatch(curve), label, value);
       return row;
     }), ...(hover.notes || []).map((text) => Object.assign(document.createElement("div"), { className: "twin-fail", textContent: text })));
-    const { offsetWidth: wide, offsetHeight: tall } = this.readout, { clientX: x, clientY: y } = hover;
-    this.readout.style.left = `${Math.max(x + 14 + wide > innerWidth ? x - 14 - wide : x + 14, 0)}px`;
+    const { offsetWidth: wide, offsetHeight: tall } = this.readout, { clientX: x, clientY: y } = hover, { right } = this.element.getBoundingClientRect();
+    this.readout.style.left = `${Math.max(x + 14 + wide > right ? x - 14 - wide : x + 14, 0)}px`;
     this.readout.style.top = `${Math.max(Math.min(y + 14, innerHeight - tall - 4), 0)}px`;
   }
 

@@ -44,7 +44,7 @@ function fitPane(chart, pane, box, shown, more) {
   const [from, to] = pane.own ? ownExtent(shown) : chart.axis();
   const logX = (pane.log || "").includes("x"), logY = (pane.log || "").includes("y"), extra = [...(pane.band || []), ...(pane.lines || [])];
   let [low, high] = extent([...shown, ...more], from, to, extra);
-  const near = (pane.limits || []).map((one) => one.y).filter((y) => y > 2 * low - high && y < 2 * high - low);
+  const near = (pane.limits || []).filter(({ y, failed }) => failed || (y > 2 * low - high && y < 2 * high - low)).map(({ y }) => y);
   if (near.length) [low, high] = extent([...shown, ...more], from, to, [...extra, ...near]);
   if (logY) [low, high] = decadeRange(shown);
   if (pane.range) [low, high] = pane.range;
@@ -87,11 +87,13 @@ function drawPane(chart, context, pane, box, last) {
 
 function drawFrame(chart, context, pane, box, last) {
   const { colors } = chart, width = chart.width - LEFT - RIGHT, bottom = box.top + box.height;
-  if (!pane.own) for (const one of pane.spans || []) {
-    context.fillStyle = colors.violation;
+  context.beginPath();
+  for (const one of pane.own ? [] : pane.spans || []) {
     const a = Math.max(box.across(one.from), LEFT), b = Math.min(box.across(one.to), LEFT + width);
-    if (one.to >= box.from && one.from <= box.to) context.fillRect(a, box.top, Math.max(b - a, 2), box.height);
+    if (one.to >= box.from && one.from <= box.to) context.rect(a, box.top, Math.max(b - a, 2), box.height);
   }
+  context.fillStyle = colors.violation;
+  context.fill(); // once: spans of many cases hide no curve
   if (pane.band) {
     context.fillStyle = colors.band;
     context.fillRect(LEFT, box.down(pane.band[1]), width, box.down(pane.band[0]) - box.down(pane.band[1]));
