@@ -3,7 +3,7 @@
 from hw_bridge.hardware import motor_data, plausible, stall_bounds
 from hw_bridge.hardware.contradictions import gain_problem
 from hw_bridge.hardware.events import planned
-from hw_bridge.hardware.file import load, overloaded
+from hw_bridge.hardware.file import load, overloaded, resolve_bench
 from hw_bridge.hardware.homing_checks import homing_conflict, search_direction
 from hw_bridge.hardware.keys import (
     ContactKeys,
@@ -39,6 +39,7 @@ __all__ = [
     "overloaded",
     "planned",
     "plausible",
+    "resolve_bench",
     "search_direction",
     "stall_bounds",
     "without_unit",

@@ -117,6 +117,7 @@ WITH_PYTHON = "--needs-python writes an FMU with Python."
         ({"target": "c", "line_directives": True}, ""),
         ({"target": "c", "sources": True}, "--sources is an option of FMUs"),
         ({"target": "c", "clock": True}, "--clock is an option of FMUs"),
+        ({"target": "c", "platforms": ("x86_64-windows",)}, "--platform is an option of FMUs"),
         ({"line_directives": True}, "--line-directives needs --target c."),
         ({"needs_python": True}, ""),
         ({"needs_python": True, "target": "c"}, WITH_PYTHON),
