@@ -100,7 +100,7 @@ def check(file: Path, build: Path) -> None:
         say(f"differs: {problem}")
     if problems:
         sys.exit(1)
-    say("The bus is as the hardware file says.")
+    say("Bus and hardware file agree.")
 
 
 def differences(
@@ -167,7 +167,7 @@ def unready(master: Master, station: Node | ModuleNode) -> list[str]:
         return problems
     inspection = inspect(station)
     for group, values in inspection.groups.items():
-        say(f"{station.name}: {group}, left as it is unless the hardware file says otherwise:")
+        say(f"{station.name}: {group}, unchanged unless the hardware file sets it:")
         table(values, 2)
     for text in (
         *inspection.notes,
@@ -206,7 +206,7 @@ def reset(file: Path, node: str | None, build: Path) -> None:
 
 
 def reset_drive(master: Master, node: Node) -> bool:
-    """Reset one drive if it matches and is in Fault; return whether it is in no Fault now."""
+    """Reset one drive if it matches and is in Fault; return whether it is not in Fault now."""
     from hw_bridge.commission import assert_not_driven, pending_error
     from hw_bridge.dictionary import State
     from hw_bridge.master import setup
@@ -218,7 +218,7 @@ def reset_drive(master: Master, node: Node) -> bool:
         if not (fault := setup.faults(node)) and (fault := pending_error(node)):
             assert_not_driven(node)  # a reset begins with 6040h = 0: a moving axis would coast or fall
         if not fault:
-            say(f"{node.name}: is in no Fault.")
+            say(f"{node.name}: is not in Fault.")
             return True
         state = setup.reset(node)
     except SimulationError as error:

@@ -72,7 +72,7 @@ def direction_command(bus: BusChoice, node: str, is_manual: bool, timeout: float
         results = direction.pushes(session, share * keys.limits.force)
         unit = "N m" if session.node.rotary else "N"
         for item in results:
-            verdict = "as it should" if item.agrees else "the other way" if item.moved else "not moved"
+            verdict = "correct direction" if item.agrees else "wrong direction" if item.moved else "not moved"
             say(
                 f"{session.node.name}: push of {item.direction * item.force:+.2f} {unit}: "
                 f"{axis.format_quantity(item.moved)}, {verdict}."
@@ -84,7 +84,7 @@ def direction_command(bus: BusChoice, node: str, is_manual: bool, timeout: float
         paragraph("It did not move: is it blocked, or is the brake on? A larger --share pushes harder.")
         sys.exit(1)
     paragraph(
-        "The encoder counts the way the motor goes. Whether that is the way of the member only you can see: --by-hand, or a short jog."
+        "The encoder and motor have the same sign. Check with --by-hand or a short jog that the member has it too."
     )
 
 

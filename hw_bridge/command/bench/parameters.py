@@ -161,7 +161,7 @@ def compare_command(bus: BusChoice, node: str, file: Path, profile: str | None) 
         if rows:
             table([("object", "name", "drive", "file"), *rows], head=True)
             sys.exit(1)
-        say(f"{station.name} holds what {file} says.")
+        say(f"{station.name}: all values equal {file}.")
 
 
 def difference_rows(node: Station, differences: list[tuple[Entry, Value, Value]]) -> list[tuple[str, str, str, str]]:

@@ -90,7 +90,7 @@ def step_command(bus: BusChoice, node: str, by: str | None, plot: Path, explain:
         head=True,
     )
     steps.picture(plot, curves, *SHOWN[axis.unit])
-    say(f"{plot}: way and current over time.")
+    say(f"{plot}: position and current over time.")
 
 
 def figures(axis: Axis, name: str, response: step.Response) -> tuple[str, ...]:
