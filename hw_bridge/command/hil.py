@@ -25,25 +25,25 @@ if TYPE_CHECKING:
 
 __all__ = ["bench_network", "command", "differences", "profile_title_of"]
 
-COMMANDS = {  # file of hw_bridge.command.bench and what it does, in the order in which one meets them
-    "scan": ("look", "who is on the bus: vendor, product, profile, state, errors"),
-    "status": ("look", "all that a drive says of itself, in words and units"),
-    "monitor": ("look", "state, position, current as they change"),
+COMMANDS = {  # file of hw_bridge.command.bench and what it does, in the order of commissioning
+    "scan": ("look", "list the nodes: vendor, product, profile, state, errors"),
+    "status": ("look", "show state, limits, temperatures and errors of a drive"),
+    "monitor": ("look", "show state, position and current live"),
     "get": ("parameters", "read objects by index or name, with units"),
-    "set": ("parameters", "write one object, checked before and read back"),
-    "dump": ("parameters", "all parameters of a drive into a DCF file"),
-    "compare": ("parameters", "what a drive holds other than a DCF file"),
-    "restore": ("parameters", "write a DCF file into a drive"),
-    "store": ("parameters", "keep parameters when it is switched off"),
-    "defaults": ("parameters", "the parameters that it was delivered with"),
-    "enable": ("power", "power on, its place held, while this runs"),
-    "disable": ("power", "stop a drive that another program left on"),
-    "home": ("power", "find the reference, told in words first"),
-    "jog": ("motion", "move while a key is held"),
-    "move": ("motion", "go a way or to a place with a ramp"),
-    "lss": ("lss", "node-ID and bit rate by identity"),
-    "direction": ("direction", "does the encoder count the way the motor goes"),
-    "step": ("step", "how the loops answer, drawn beside the twin's"),
+    "set": ("parameters", "write one object after a check, and read it back"),
+    "dump": ("parameters", "save all parameters of a drive as a DCF file"),
+    "compare": ("parameters", "list differences between a drive and a DCF file"),
+    "restore": ("parameters", "undo the changes of a killed run, or write a DCF file"),
+    "store": ("parameters", "store all parameters in nonvolatile memory (1010h)"),
+    "defaults": ("parameters", "restore the delivery state (1011h)"),
+    "enable": ("power", "switch power on and hold the position"),
+    "disable": ("power", "stop a drive that another program left enabled"),
+    "home": ("power", "describe the homing method, then home"),
+    "jog": ("motion", "move while an arrow key is held"),
+    "move": ("motion", "move by a distance or to a position, with a ramp"),
+    "lss": ("lss", "set node-ID and bit rate by identity (CiA 305)"),
+    "direction": ("direction", "check that encoder and motor have the same sign"),
+    "step": ("step", "measure the step response, compare it with the twin's"),
 }
 
 
@@ -51,7 +51,7 @@ class Commands(click.Group):
     """A group whose other commands are in files of their own, imported when called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """All, in the order in which one meets them."""
+        """All, in the order of commissioning."""
         return [*COMMANDS, *super().list_commands(ctx)]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
@@ -71,18 +71,18 @@ class Commands(click.Group):
 
 @click.group("hil", cls=Commands, short_help="commission drives: scan, parameters, home, jog, check")
 def command() -> None:
-    """From a drive in its box to first motion: who is on the bus, what it holds, a hand that moves it.
+    """Commission drives: scan the bus, read and write parameters, home and move a single drive.
 
-    No real drive moves without --arm, and everything that moves needs a hardware file with limits.
+    No real drive moves without --arm. Commands that move need a hardware file with limits.
 
     \b
-    twin hil scan -i socketcan -c can0                who is there
-    twin hil check my_bench.yaml                      is it as it says
+    twin hil scan -i socketcan -c can0                list the nodes
+    twin hil check my_bench.yaml                      compare bus and file
     twin hil move servomotor --by "1 mm" -f my_bench.yaml --arm
     """
 
 
-@command.command("check", short_help="scan a bus and say what differs from the hardware file")
+@command.command("check", short_help="compare the bus with a hardware file")
 @click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
 @build_option
 def check(file: Path, build: Path) -> None:
@@ -100,7 +100,7 @@ def check(file: Path, build: Path) -> None:
         say(f"differs: {problem}")
     if problems:
         sys.exit(1)
-    say("The bus is as the hardware file says.")
+    say("Bus and hardware file agree.")
 
 
 def differences(
@@ -167,7 +167,7 @@ def unready(master: Master, station: Node | ModuleNode) -> list[str]:
         return problems
     inspection = inspect(station)
     for group, values in inspection.groups.items():
-        say(f"{station.name}: {group}, left as it is unless the hardware file says otherwise:")
+        say(f"{station.name}: {group}, unchanged unless the hardware file sets it:")
         table(values, 2)
     for text in (
         *inspection.notes,
@@ -206,7 +206,7 @@ def reset(file: Path, node: str | None, build: Path) -> None:
 
 
 def reset_drive(master: Master, node: Node) -> bool:
-    """Reset one drive if it matches and is in Fault; return whether it is in no Fault now."""
+    """Reset one drive if it matches and is in Fault; return whether it is not in Fault now."""
     from hw_bridge.commission import assert_not_driven, pending_error
     from hw_bridge.dictionary import State
     from hw_bridge.master import setup
@@ -218,7 +218,7 @@ def reset_drive(master: Master, node: Node) -> bool:
         if not (fault := setup.faults(node)) and (fault := pending_error(node)):
             assert_not_driven(node)  # a reset begins with 6040h = 0: a moving axis would coast or fall
         if not fault:
-            say(f"{node.name}: is in no Fault.")
+            say(f"{node.name}: is not in Fault.")
             return True
         state = setup.reset(node)
     except SimulationError as error:

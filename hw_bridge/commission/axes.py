@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hw_bridge.hardware import format_quantity, plausible, without_unit
+from hw_bridge.hardware import format_quantity, plausible, resolve_bench, without_unit
 from twin.errors import CouplingError, SimulationError, nearest
 from twin.scenario import number, read
 
@@ -61,7 +61,7 @@ def axis(path: Path, keys: HardwareKeys, word: str) -> Axis:
     name = next((name for name, node in keys.nodes.items() if word == str(node.node)), word)
     if name not in keys.nodes:
         raise SimulationError(f"{path}: no drive {word!r}. {nearest(word, list(keys.nodes))}")
-    root = read(path, str(path))
+    root = read(resolve_bench(path), str(path))
     turns, moves = (not plausible.units(root, name, rotary) for rotary in (True, False))
     own = keys.nodes[name]
     rotary = turns and (not moves or own.drive.motor.unit == "rad")

@@ -7,6 +7,7 @@ from hw_bridge.hardware.contradictions import gain_problem as gain_problem
 from hw_bridge.hardware.events import planned as planned
 from hw_bridge.hardware.file import load as load
 from hw_bridge.hardware.file import overloaded as overloaded
+from hw_bridge.hardware.file import resolve_bench as resolve_bench
 from hw_bridge.hardware.homing_checks import homing_conflict as homing_conflict
 from hw_bridge.hardware.homing_checks import search_direction as search_direction
 from hw_bridge.hardware.keys import ContactKeys as ContactKeys

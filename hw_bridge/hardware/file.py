@@ -69,8 +69,14 @@ def overloaded(keys: HardwareKeys, forces: int = 0) -> str:
 
 def resolve_bench(path: Path) -> Path:
     """Resolve a bare name that is no file to the project's bench of this name."""
-    own = BENCHES / f"{path.name}.yaml"
-    return own if path == Path(path.name) and not path.suffix and not path.exists() and own.exists() else path
+    own = BENCHES / f"{path.stem}.yaml"
+    if path.exists() or not own.exists():
+        return path
+    if path == Path(path.stem):
+        return own
+    raise ScenarioError(
+        [f"{path}: is not there. A bench of this name came with the project: give the name alone, {path.stem}."]
+    )
 
 
 def load(path: Path) -> HardwareKeys:

@@ -117,6 +117,7 @@ WITH_PYTHON = "--needs-python writes an FMU with Python."
         ({"target": "c", "line_directives": True}, ""),
         ({"target": "c", "sources": True}, "--sources is an option of FMUs"),
         ({"target": "c", "clock": True}, "--clock is an option of FMUs"),
+        ({"target": "c", "platforms": ("x86_64-windows",)}, "--platform is an option of FMUs"),
         ({"line_directives": True}, "--line-directives needs --target c."),
         ({"needs_python": True}, ""),
         ({"needs_python": True, "target": "c"}, WITH_PYTHON),
@@ -219,11 +220,11 @@ def outcome(**attributes):
 @pytest.mark.parametrize(
     ("attributes", "report", "line"),
     [
-        ({}, True, "PASS 2 of 3 in 1.23 s (12x real time). Report: runs/a/1/report.html  Look: twin view runs/a/1"),
+        ({}, True, "PASS 2 of 3 in 1.23 s (12x real time). Report: runs/a/1/report.html  Look: twin view latest"),
         (
             {"passed": False},
             False,
-            "FAIL: 1 of 3 requirements failed, in 1.23 s (12x real time). Results: runs/a/1/summary.json  Look: twin view runs/a/1",
+            "FAIL: 1 of 3 requirements failed, in 1.23 s (12x real time). Results: runs/a/1/summary.json  Look: twin view latest",
         ),
         (
             {"met": 0, "judged": 0, "factor": 9.94},

@@ -65,9 +65,7 @@ def beats(tmp_path, monkeypatch):
 )
 def test_a_run_ends_with_verdict_speed_and_where_to_look(beats, limit, verdict):
     last = beats(limit).output.splitlines()[-1]
-    pattern = (
-        rf"{verdict} \S+ s \(\S+x real time\)\. Results: runs/beats/\S+/summary\.json  Look: twin view runs/beats/\S+"
-    )
+    pattern = rf"{verdict} \S+ s \(\S+x real time\)\. Results: runs/beats/\S+/summary\.json  Look: twin view latest"
     assert re.fullmatch(pattern, last)
 
 

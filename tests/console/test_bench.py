@@ -154,7 +154,7 @@ def test_the_steps_from_a_box_to_a_move(drive, page):
         said(page, "node 1 (servomotor)")
         opened(page, "direction, push")
         page.get_by_role("button", name="push", exact=True).click()
-        said(page, "counts the way the motor goes")
+        said(page, "and motor have the same sign")
         opened(page, "home")
         page.wait_for_selector("text=slowly to negative positions of the drive until it stands against its end stop")
         page.get_by_role("button", name="home", exact=True).click()

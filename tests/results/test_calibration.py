@@ -53,8 +53,8 @@ def test_columns_are_converted_to_their_own_units(
         (
             "way,count\n1,2\n",
             (
-                "a.csv: column travel_mm is missing; there is way, count. Name the columns travel_mm, count, or say with "
-                "--columns how the file calls them."
+                "a.csv: column `travel_mm` is missing; there is way, count. Name the columns travel_mm, count, or map them "
+                "to the names in the file with --columns (see `twin calibrate --help`)."
             ),
         ),
         ("travel_mm,count\n", "a.csv: has no readings below its header. Give one line for each."),

@@ -77,6 +77,7 @@ def test_variables_that_an_fmu_names_differently_are_mapped_by_names(fmu, tmp_pa
     )
     assert "positions: position" in hint
     assert "gain: ITS_NAME" in hint
+    assert "`console: null` drops inherited controls" in hint
 
 
 def test_only_an_fmu_has_names_of_its_own(tmp_path):

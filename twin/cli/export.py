@@ -61,6 +61,10 @@ class ExportOptions:
             return
         if is_c and self.sources:
             raise TwinError("--sources is an option of FMUs; --target c always writes the C. Drop one of them.")
+        if is_c and self.platforms:
+            raise TwinError(
+                "--platform is an option of FMUs; --target c writes its libraries for all its targets. Drop it."
+            )
         if is_c and self.clock:
             raise TwinError("--clock is an option of FMUs. Drop it, or --target c.")
         if self.needs_python and (is_c or self.sources or self.clock or self.platforms):

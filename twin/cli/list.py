@@ -16,7 +16,6 @@ from twin.errors import TwinError, nearest
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-MAX_LINES = 50  # of a kind that is not named: more are only counted
 Listing = dict[str, str]  # descriptions by name
 
 
@@ -25,9 +24,9 @@ Listing = dict[str, str]  # descriptions by name
 @filter_option
 @runs_option
 def command(kinds: tuple[str, ...], text: str, runs: Path) -> None:
-    """List entries of each KIND: scenarios, studies, components, profiles (of drives), runs.
+    """List entries of each KIND: scenarios, studies, components, profiles (of drives), runs.  [default: all kinds]
 
-    Without KIND and --filter, kinds of more than 50 entries are only counted. Nothing is imported or run. Commands accept the listed names; `twin describe NAME` shows details.
+    Nothing is imported or run. Commands accept the listed names; `twin describe NAME` shows details.
 
     \b
     twin list
@@ -46,10 +45,7 @@ def command(kinds: tuple[str, ...], text: str, runs: Path) -> None:
     for kind in kinds or listings:
         listing = listings[kind]()
         lines = {name: line for name, line in listing.items() if text.lower() in f"{name} {line}".lower()}
-        is_counted = not kinds and not text and len(lines) > MAX_LINES
-        show_text("", f"{kind}: {len(lines)}" + f" (twin list {kind})" * is_counted, "bold")
-        if is_counted:
-            continue
+        show_text("", f"{kind}: {len(lines)}", "bold")
         for heading, names in by_topic(lines).items() if kind == "scenarios" else [("", [*lines])]:
             if heading:
                 show_text("", f" {heading}:", "bold")

@@ -354,8 +354,9 @@ def show_verdict(outcome: RunResult, report: bool) -> None:
     if met < judged and word != "PASS":
         counts, end = f"{judged - met} of {judged} requirements failed, ", ": "
     results = f"Report: {outcome.folder / 'report.html'}" if report else f"Results: {outcome.folder / 'summary.json'}"
+    folder = "latest" if outcome.folder.parent.parent == Path("runs") else str(outcome.folder)
     style = {"PASS": "bold green", "DONE": "bold"}.get(word, "bold red")
     if summary.get("hardware", {}).get("dry_run"):
         word = f"DRY RUN, drives have not moved: {word}"
-    locations = [text.replace(" ", NO_BREAK_SPACE) for text in (results, f"Look: twin view {outcome.folder}")]
+    locations = [text.replace(" ", NO_BREAK_SPACE) for text in (results, f"Look: twin view {folder}")]
     show_text(f"{counts}in {run.wall_time:.3g} s{speed}. {'  '.join(locations)}", f"{word}{end}", style)

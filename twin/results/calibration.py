@@ -80,8 +80,8 @@ def read_table(path: Path, columns: Mapping[str, str], aliases: Mapping[str, tup
     if missing:
         existing = ", ".join(header) or "nothing"
         raise TwinError(
-            f"{path}: column {missing[0]} is missing; there is {existing}. Name the columns {', '.join(names.values())}, "
-            "or say with --columns how the file calls them."
+            f"{path}: column `{missing[0]}` is missing; there is {existing}. Name the columns {', '.join(names.values())}, "
+            "or map them to the names in the file with --columns (see `twin calibrate --help`)."
         )
     if not rows:
         raise TwinError(f"{path}: has no readings below its header. Give one line for each.")

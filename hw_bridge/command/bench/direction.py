@@ -28,7 +28,7 @@ WRONG = (
     "--by-hand",
     "is_manual",
     is_flag=True,
-    help="Power off: move it by hand to positive positions, and see what it counts.",
+    help="Without power: you move the axis by hand to positive positions; the command shows the counts.",
 )
 @click.option(
     "--within",
@@ -37,19 +37,23 @@ WRONG = (
     default=20.0,
     show_default=True,
     metavar="S",
-    help="With --by-hand: how long to wait [s].",
+    help="With --by-hand: time to wait for motion [s].",
 )
 @click.option(
-    "--share", type=click.FloatRange(0.01, 1.0), default=0.4, show_default=True, help="Of limits.force to push with."
+    "--share",
+    type=click.FloatRange(0.01, 1.0),
+    default=0.4,
+    show_default=True,
+    help="Greatest force, as a fraction of limits.force.",
 )
 @ARM
 @on_a_bus
 def direction_command(bus: BusChoice, node: str, is_manual: bool, timeout: float, share: float, arm: bool) -> None:
     """Push NODE with a slowly growing force to positive, then to negative positions, until it moved a few increments.
 
-    No loop of position or speed is closed, so that a wrong sign cannot run away. Nothing holds the
-    axis meanwhile: not for a vertical one that would fall. With --by-hand nothing is powered: move
-    it to where positions of the member grow; that shows whether `inverted` in the hardware file is right.
+    No position or velocity loop is closed, so a wrong sign cannot make the drive run away. Nothing holds the axis
+    meanwhile: do not use it on a vertical axis that would fall. With --by-hand nothing is powered: move the axis in the
+    direction in which the member's position grows. This shows whether `inverted` in the hardware file is right.
 
     \b
     twin hil direction servomotor --by-hand -f my_bench.yaml
@@ -68,7 +72,7 @@ def direction_command(bus: BusChoice, node: str, is_manual: bool, timeout: float
         results = direction.pushes(session, share * keys.limits.force)
         unit = "N m" if session.node.rotary else "N"
         for item in results:
-            verdict = "as it should" if item.agrees else "the other way" if item.moved else "not moved"
+            verdict = "correct direction" if item.agrees else "wrong direction" if item.moved else "not moved"
             say(
                 f"{session.node.name}: push of {item.direction * item.force:+.2f} {unit}: "
                 f"{axis.format_quantity(item.moved)}, {verdict}."
@@ -80,7 +84,7 @@ def direction_command(bus: BusChoice, node: str, is_manual: bool, timeout: float
         paragraph("It did not move: is it blocked, or is the brake on? A larger --share pushes harder.")
         sys.exit(1)
     paragraph(
-        "The encoder counts the way the motor goes. Whether that is the way of the member only you can see: --by-hand, or a short jog."
+        "The encoder and motor have the same sign. Check with --by-hand or a short jog that the member has it too."
     )
 
 

@@ -58,7 +58,7 @@ def scan_command(bus: BusChoice) -> None:
 @PROFILE
 @on_a_bus
 def status_command(bus: BusChoice, node: str, profile: str | None) -> None:
-    """Tell all that NODE says of itself: state, limits, temperatures, voltages, errors and what to do about them.
+    """Show state, limits, temperatures, voltages and errors of NODE, with the remedy of each error.
 
     NODE is a node-ID, or a name of the hardware file. Nothing is written. Exit code 1 if it is in Fault.
 
@@ -88,18 +88,27 @@ def status_command(bus: BusChoice, node: str, profile: str | None) -> None:
 @click.command("monitor")
 @click.argument("nodes", nargs=-1, metavar="[NODE]...")
 @click.option(
-    "--every", type=click.FloatRange(0.05, 60.0), default=0.2, show_default=True, metavar="S", help="Ask so often [s]."
+    "--every",
+    type=click.FloatRange(0.05, 60.0),
+    default=0.2,
+    show_default=True,
+    metavar="S",
+    help="Sampling interval [s].",
 )
-@click.option("--for", "duration", type=click.FloatRange(0.0), metavar="S", help="End after this time [s]; else by q.")
-@click.option("--json", "as_json", is_flag=True, help="Print each look as one line of JSON: node, then name and value.")
+@click.option(
+    "--for", "duration", type=click.FloatRange(0.0), metavar="S", help="End after this time [s].  [default: until q]"
+)
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print each sample as one line of JSON: node, then name and value."
+)
 @on_a_bus
 def monitor_command(
     bus: BusChoice, nodes: tuple[str, ...], every: float, duration: float | None, as_json: bool
 ) -> None:
     """Show state, position, velocity, current and errors of nodes as they change, until q or Ctrl-C.
 
-    Without NODE all of the hardware file. In a pipe every look is printed below the last. By SDO only: it disturbs
-    nobody, and may run beside `twin run`.
+    Without NODE: all drives of the hardware file. In a pipe each sample is printed on a line of its own. Values are read
+    by SDO only, so it may run during `twin run`.
     """
     from hw_bridge.commission import Keyboard, objects
 

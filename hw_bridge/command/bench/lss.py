@@ -32,14 +32,12 @@ NUMBER = Number()
 
 
 @click.command("lss")
-@click.option("--vendor", type=NUMBER, metavar="N", help="1018h.1 of the device, as scan tells it.")
-@click.option("--product", type=NUMBER, metavar="N", help="1018h.2")
-@click.option("--revision", type=NUMBER, metavar="N", help="1018h.3")
-@click.option("--serial", type=NUMBER, metavar="N", help="1018h.4, also on its label.")
-@click.option("--node-id", type=click.IntRange(1, 127), metavar="ID", help="Give it this node-ID.")
-@click.option(
-    "--new-bitrate", type=int, metavar="B", help="Give it this bit rate; acts when it is switched off and on."
-)
+@click.option("--vendor", type=NUMBER, metavar="N", help="Vendor-ID of the device (1018h.1), shown by scan.")
+@click.option("--product", type=NUMBER, metavar="N", help="Product code (1018h.2).")
+@click.option("--revision", type=NUMBER, metavar="N", help="Revision number (1018h.3).")
+@click.option("--serial", type=NUMBER, metavar="N", help="Serial number (1018h.4), also on the label.")
+@click.option("--node-id", type=click.IntRange(1, 127), metavar="ID", help="New node-ID.")
+@click.option("--new-bitrate", type=int, metavar="B", help="New bit rate [bit/s]; takes effect at the next power-on.")
 @on_a_bus
 def lss_command(
     bus: BusChoice,
@@ -50,10 +48,10 @@ def lss_command(
     node_id: int | None,
     new_bitrate: int | None,
 ) -> None:
-    """Give a device a node-ID or a bit rate by its identity (CiA 305), stored in it. Without either: who is it?
+    """Set node-ID or bit rate of a device by its identity (CiA 305), and store it. Without either: show the identity.
 
-    All four of --vendor, --product, --revision and --serial, or none of them if it is the only device on the bus. Two
-    drives out of their boxes have one node-ID: connect one, give it another, then the next.
+    Give all four of --vendor, --product, --revision and --serial, or none of them if the device is alone on the bus. New
+    drives have the same node-ID: connect one, change its node-ID, then connect the next.
 
     \b
     twin hil lss -i socketcan -c can0

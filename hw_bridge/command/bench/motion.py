@@ -32,8 +32,10 @@ READY = "hold a button"  # tells the page that the drive is ready to move
 EXPIRED = "dead-man switch"  # behind the live values: why the drive stands although the button is held
 
 RAMP = (
-    click.option("--velocity", metavar="V", help="Such as '5 mm/s'; by default 2 % of limits.velocity."),
-    click.option("--acceleration", metavar="A", help="Such as '0.5 m/s^2'; by default 10 % of the limit."),
+    click.option("--velocity", metavar="V", help="Velocity, such as '5 mm/s'.  [default: 2 % of limits.velocity]"),
+    click.option(
+        "--acceleration", metavar="A", help="Acceleration, such as '0.5 m/s^2'.  [default: 10 % of the limit]"
+    ),
 )
 
 
@@ -52,8 +54,8 @@ def ramp(axis: Axis, velocity: str | None, acceleration: str | None) -> tuple[fl
 
 @click.command("move", context_settings={"ignore_unknown_options": True})
 @NODE
-@click.option("--by", metavar="WAY", help="So far from where it stands: --by '1 mm', --by '-5 deg'.")
-@click.option("--to", metavar="PLACE", help="To this position; needs --homed.")
+@click.option("--by", metavar="DISTANCE", help="Distance from the present position: --by '1 mm', --by '-5 deg'.")
+@click.option("--to", metavar="POSITION", help="Target position; needs --homed.")
 @RAMP[0]
 @RAMP[1]
 @ARM
@@ -69,10 +71,10 @@ def move_command(
     arm: bool,
     homed: bool,
 ) -> None:
-    """Move NODE with a ramp, then stop and disable it. Without --by or --to it is refused.
+    """Move NODE with a ramp, then stop and disable it. Give --by or --to.
 
-    Positions go out every cycle with bounded velocity and acceleration, and every cycle is watched: following error,
-    velocity, force and position limits of the hardware file. Ctrl-C stops it.
+    A target with bounded velocity and acceleration is sent in each cycle. Following error, velocity, force and position
+    are checked against the limits of the hardware file in each cycle. Ctrl-C stops the drive.
 
     \b
     twin hil move servomotor --by "1 mm" -f my_bench.yaml --arm
@@ -116,7 +118,9 @@ def check_target(session: SingleAxisSession, goal: float) -> None:
 @RAMP[0]
 @RAMP[1]
 @click.option(
-    "--distance", metavar="WAY", help="So far from where it stands at most, to both sides; by default 10 mm, or 11 deg."
+    "--distance",
+    metavar="DISTANCE",
+    help="Greatest distance from the present position, to both sides.  [default: 10 mm or 11 deg]",
 )
 @ARM
 @HOMED
@@ -132,10 +136,10 @@ def jog_command(
 ) -> None:
     """Move NODE for as long as an arrow key is held: right to positive positions, left to negative ones. q ends it.
 
-    A terminal does not tell that a key was released, only that it repeats: motion begins with the first repeat (0.25 to
-    0.7 s after the key goes down) and ends when no repeat came for 0.12 s. It stands at most 0.2 s after the last one. Any
-    other key stops it at once. It stops as well when the terminal is closed, and when this program ends, hangs or is
-    killed: then the drive misses its heartbeat. Over a slow network repeats may come late: jog where you see the drive.
+    A terminal does not report the release of a key, only its repeats. Motion begins with the first repeat (0.25 to 0.7 s
+    after the key goes down) and ends when no repeat came for 0.12 s. The drive stands at most 0.2 s after the last repeat.
+    Any other key stops it at once. It also stops when the terminal is closed, and when this program ends, hangs or is
+    killed, because it then misses its heartbeat. Over a slow network repeats may come late: jog only a drive that you see.
 
     \b
     twin hil jog servomotor --distance "5 mm" -f my_bench.yaml --arm

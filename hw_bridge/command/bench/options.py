@@ -120,15 +120,31 @@ BUS = (
         show_envvar=True,
         help="Hardware file that names the bus and its nodes.",
     ),
-    click.option("--interface", "-i", help="Or python-can's interface: socketcan, slcan, pcan, udp_multicast, ..."),
-    click.option("--channel", "-c", help="Its channel: can0, /dev/ttyACM0, PCAN_USBBUS1, 239.74.163.2, ..."),
-    click.option("--bitrate", type=int, default=1_000_000, show_default=True, help="For interfaces that have one."),
-    click.option("--option", "options", multiple=True, metavar="NAME=VALUE", help="More arguments of the interface."),
+    click.option(
+        "--interface", "-i", help="Instead of -f: python-can's interface: socketcan, slcan, pcan, udp_multicast, ..."
+    ),
+    click.option(
+        "--channel", "-c", help="Channel of the interface: can0, /dev/ttyACM0, PCAN_USBBUS1, 239.74.163.2, ..."
+    ),
+    click.option(
+        "--bitrate",
+        type=int,
+        default=1_000_000,
+        show_default=True,
+        help="Bit rate [bit/s] of interfaces that have one.",
+    ),
+    click.option(
+        "--option",
+        "options",
+        multiple=True,
+        metavar="NAME=VALUE",
+        help="Further argument of the interface. Repeatable.",
+    ),
     click.option(
         "--trace",
         type=click.Path(dir_okay=False, path_type=Path),
         metavar="FILE",
-        help="Keep every frame that was really sent or heard (.blf, .asc, .log).",
+        help="Record every frame sent or received (.blf, .asc, .log).",
     ),
     click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), hidden=True),
 )
@@ -137,7 +153,7 @@ PROFILE = click.option(
     "-p",
     "profile",
     type=click.Choice(list(DRIVE_PROFILES)),
-    help="Which drive it is; else asked on the bus.",
+    help="Drive profile.  [default: by the identity that the drive reports]",
 )
 NODE = click.argument("node", metavar="NODE")
 

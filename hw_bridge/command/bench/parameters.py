@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 FILE = click.argument("file", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE.dcf")
 SWITCHING = click.option(
-    "--arm", is_flag=True, help="What it switches may move: nobody is in the way of valves and brakes."
+    "--arm", is_flag=True, help="Confirm that valves and brakes may switch and nobody is in their way."
 )
 RAM = "It is lost when the drive is switched off. Keep it: twin hil store"
 
@@ -61,16 +61,16 @@ def get_command(bus: BusChoice, node: str, names: tuple[str, ...], profile: str 
 @NODE
 @click.argument("name", metavar="OBJECT")
 @click.argument("value")
-@click.option("--store", is_flag=True, help="Keep it when the drive is switched off, with all other parameters.")
+@click.option("--store", is_flag=True, help="Also store all parameters of the drive in its nonvolatile memory.")
 @SWITCHING
 @PROFILE
 @on_a_bus
 def set_command(bus: BusChoice, node: str, name: str, value: str, store: bool, arm: bool, profile: str | None) -> None:
     """Write an object of NODE and read it back. VALUE has a unit where the object has one: "200 mm/s", 26h, "-5 mm".
 
-    Access and range are checked before anything is sent. What moves a drive (6040h, targets, modes) is refused, and so is
-    a drive that somebody drives. What switches an output (60FEh, 6200h, functions of pins), and objects of the vendor that
-    the profile does not have, need --arm. `150 raw` is in the drive's own units.
+    Access and range are checked before anything is sent. Objects that move a drive (6040h, targets, modes) are refused, and
+    so is a drive that another program drives. Objects that switch an output (60FEh, 6200h, pin functions) and vendor
+    objects outside the profile need --arm. `150 raw` is a value in the drive's own units.
 
     \b
     twin hil set 1 quick_stop_deceleration "5 m/s^2" -f my_bench.yaml
@@ -146,7 +146,7 @@ def dump_command(bus: BusChoice, node: str, file: Path, profile: str | None) -> 
 @PROFILE
 @on_a_bus
 def compare_command(bus: BusChoice, node: str, file: Path, profile: str | None) -> None:
-    """Say what NODE holds other than a DCF file. Nothing is written. Exit code 1 if anything differs."""
+    """List the differences between NODE and a DCF file. Nothing is written. Exit code 1 if anything differs."""
     from hw_bridge.commission import dcf, objects
 
     with bus.sdo_session() as sdo_session:
@@ -161,7 +161,7 @@ def compare_command(bus: BusChoice, node: str, file: Path, profile: str | None) 
         if rows:
             table([("object", "name", "drive", "file"), *rows], head=True)
             sys.exit(1)
-        say(f"{station.name} holds what {file} says.")
+        say(f"{station.name}: all values equal {file}.")
 
 
 def difference_rows(node: Station, differences: list[tuple[Entry, Value, Value]]) -> list[tuple[str, str, str, str]]:
@@ -182,18 +182,18 @@ def difference_rows(node: Station, differences: list[tuple[Entry, Value, Value]]
 @click.command("restore")
 @click.argument("node", required=False, metavar="[NODE]")
 @click.argument("file", required=False, type=click.Path(dir_okay=False, path_type=Path), metavar="[FILE.dcf]")
-@click.option("--store", is_flag=True, help="Keep it when the drive is switched off.")
+@click.option("--store", is_flag=True, help="Also store all parameters in the nonvolatile memory.")
 @SWITCHING
 @PROFILE
 @on_a_bus
 def restore_command(
     bus: BusChoice, node: str | None, file: Path | None, store: bool, arm: bool, profile: str | None
 ) -> None:
-    """Give NODE what it held before a run that was killed, by its journal; with FILE what a dump says.
+    """Undo the changes of a killed run in NODE, from the run's journal. With FILE: write the values of a dump.
 
-    Without NODE all nodes that answer and have a journal. Every value is read back. Functions of pins, and objects of the
-    vendor that the profile does not have, need --arm. With FILE, node-ID, bit rate, levels of outputs and what moves a
-    drive stay as they are; look first with compare. Refused while somebody drives it. Exit code 1 if the drive refuses anything.
+    Without NODE: all nodes that answer and have a journal. Every value is read back. Pin functions and vendor objects
+    outside the profile need --arm. With FILE, node-ID, bit rate, output levels and objects that move the drive are not
+    written; run compare first. Refused while another program drives NODE. Exit code 1 if the drive refuses a value.
 
     \b
     twin hil restore -f my_bench.yaml
@@ -262,9 +262,9 @@ def restore_file(
 @click.argument("file", required=False, type=click.Path(dir_okay=False, path_type=Path), metavar="[FILE.dcf]")
 @on_a_bus
 def store_command(bus: BusChoice, node: str, file: Path | None) -> None:
-    """Keep all parameters of NODE when it is switched off (1010h.1), and show what differs from FILE, or its last dump.
+    """Store all parameters of NODE in its nonvolatile memory (1010h.1). Show what differs from FILE or its last dump.
 
-    Refused while a program drives it, and while it holds values that a run wrote and did not restore.
+    Refused while a program drives NODE, and while NODE has values that a run wrote and did not restore.
     """
     from hw_bridge.commission import dcf, nvm, objects
 
@@ -289,13 +289,13 @@ def store_command(bus: BusChoice, node: str, file: Path | None) -> None:
 
 @click.command("defaults")
 @NODE
-@click.option("--restart", is_flag=True, help="Start it anew at once, so that they act.")
-@click.option("--yes", is_flag=True, help="Do not ask.")
+@click.option("--restart", is_flag=True, help="Restart the drive now, so that they take effect.")
+@click.option("--yes", is_flag=True, help="Do not ask for confirmation.")
 @on_a_bus
 def defaults_command(bus: BusChoice, node: str, restart: bool, yes: bool) -> None:
-    """Give NODE the parameters that it was delivered with (1011h.1), from its next start on.
+    """Restore the delivery state of NODE (1011h.1). It takes effect at the next start of the drive.
 
-    Keep what it has first: twin hil dump. Node-ID and bit rate may be among what it forgets.
+    Save the present parameters first: twin hil dump. Node-ID and bit rate may be reset too.
     """
     from hw_bridge.commission import nvm
 

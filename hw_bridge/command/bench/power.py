@@ -25,15 +25,17 @@ if TYPE_CHECKING:
 
 @click.command("enable")
 @NODE
-@click.option("--for", "duration", type=click.FloatRange(0.0), metavar="S", help="End after this time [s]; else by q.")
+@click.option(
+    "--for", "duration", type=click.FloatRange(0.0), metavar="S", help="End after this time [s].  [default: until q]"
+)
 @ARM
 @HOMED
 @on_a_bus
 def enable_command(bus: BusChoice, node: str, duration: float | None, arm: bool, homed: bool) -> None:
-    """Switch NODE's power stage on and hold its place, for as long as this command runs.
+    """Switch NODE's power stage on and hold its position while this command runs.
 
-    Nothing stays enabled behind: when this program ends, hangs or is killed, the drive stops by itself, since it misses
-    its heartbeat. A drive in Fault is refused with its reason; twin hil reset is for a person who knows the cause.
+    The drive never stays enabled: when this program ends, hangs or is killed, the drive misses its heartbeat and stops
+    by itself. A drive in Fault is refused with the reason. Remove the cause, then use twin hil reset.
     """
     from hw_bridge.commission import Keyboard
 
@@ -56,7 +58,7 @@ def enable_command(bus: BusChoice, node: str, duration: float | None, arm: bool,
 @NODE
 @on_a_bus
 def disable_command(bus: BusChoice, node: str) -> None:
-    """Stop NODE with its quick stop ramp and switch its power stage off: for a drive that another program left on."""
+    """Stop NODE with its quick stop ramp and switch its power stage off, if another program left it enabled."""
     from hw_bridge.commission import power
 
     with bus.sdo_session() as sdo_session:
@@ -66,17 +68,17 @@ def disable_command(bus: BusChoice, node: str) -> None:
 
 @click.command("home")
 @NODE
-@click.option("--explain", is_flag=True, help="Only say what the method does.")
+@click.option("--explain", is_flag=True, help="Describe the method; do not move.")
 @ARM
 @on_a_bus
 def home_command(bus: BusChoice, node: str, explain: bool, arm: bool) -> None:
-    """Home NODE by the method of the hardware file, which is described before it moves.
+    """Home NODE by the method of the hardware file. The method is described before the drive moves.
 
-    Refused where it would pass a limit: a method that goes to one end while `at` is at the other, or a speed above the
-    limit. The drive's own torque limit is lowered for it, where it has one. Stopped where force or velocity is above its
-    limit, where it goes to the other end, or farther than the limits are apart. A run homes in the same way. Then it goes
-    into the limits of position. The drive keeps its reference until it is switched off: jog and move count from it with
-    --homed.
+    Refused if the method goes to one end while `at` is at the other, or if its speed is above the limit. If the drive has
+    a torque limit, it is lowered while homing. Homing stops if force or velocity exceeds its limit, if the drive goes to
+    the other end, or if it moves farther than the position limits are apart. A run homes in the same way. Afterwards the
+    drive moves inside the position limits. It keeps its reference until it is switched off; jog and move use the
+    reference with --homed.
 
     \b
     twin hil home servomotor --explain -f my_bench.yaml

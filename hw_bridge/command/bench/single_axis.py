@@ -44,7 +44,9 @@ def page_watchdog() -> PageWatchdog | None:
 def ARM(command: Callable[..., Any]) -> Callable[..., Any]:  # noqa: N802 - beside the other options
     """Options of every command that moves a drive."""
     arm = click.option(
-        "--arm", is_flag=True, help="Real drives may move: nobody is in their way, the emergency stop is at hand."
+        "--arm",
+        is_flag=True,
+        help="Allow real drives to move. Confirms that nobody is in their way and the emergency stop is at hand.",
     )
     page = click.option(
         "--attended", type=click.IntRange(3), hidden=True, expose_value=False, callback=attach_page_watchdog
@@ -55,8 +57,8 @@ def ARM(command: Callable[..., Any]) -> Callable[..., Any]:  # noqa: N802 - besi
 HOMED = click.option(
     "--homed",
     is_flag=True,
-    help="It was homed since power-on (twin hil home): positions and limits "
-    "count from its reference; else from where it stands.",
+    help="The drive was homed since power-on (twin hil home): positions and limits "
+    "count from its reference.  [default: from its present position]",
 )
 
 

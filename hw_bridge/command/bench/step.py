@@ -22,24 +22,26 @@ SHOWN = {"m": ("mm", 1e3), "rad": ("deg", 57.29577951308232)}
 
 @click.command("step")
 @NODE
-@click.option("--by", metavar="WAY", help="The step, such as '0.2 mm'; by default a tenth of limits.following_error.")
+@click.option(
+    "--by", metavar="DISTANCE", help="Size of the step, such as '0.2 mm'.  [default: a tenth of limits.following_error]"
+)
 @click.option(
     "--plot",
     type=click.Path(dir_okay=False, path_type=Path),
     default=Path("step.svg"),
     show_default=True,
-    help="Draw both responses there.",
+    help="File of the plot with both responses.",
 )
-@click.option("--explain", is_flag=True, help="Look for the gains of the twin that come nearest; takes half a minute.")
+@click.option("--explain", is_flag=True, help="Fit the gains of the twin to the response; takes half a minute.")
 @ARM
 @on_a_bus
 def step_command(bus: BusChoice, node: str, by: str | None, plot: Path, explain: bool, arm: bool) -> None:
     """Measure the step response of NODE, and draw it with that of the simulated drive of its profile.
 
-    The target goes there at limits.acceleration. A step at which the simulated drive meets a limit of the file is refused
-    before anything moves. The twin's motor and gains are those of the profile: a difference tells another load, friction or tuning. --explain
-    says which gains of the twin would do the same; whether gains are the cause only the vendor's software tells. A step
-    that meets a limit ends it: take a smaller one.
+    The target changes at limits.acceleration. A step at which the simulated drive exceeds a limit of the file is refused
+    before anything moves. The twin has the motor and gains of the profile, so a difference means another load, friction
+    or tuning. --explain fits the twin's gains to the response; only the vendor's software shows whether the drive's gains
+    are the cause. A step that exceeds a limit ends the command: choose a smaller one.
 
     \b
     twin hil step servomotor --by "0.2 mm" -f my_bench.yaml --arm
@@ -88,7 +90,7 @@ def step_command(bus: BusChoice, node: str, by: str | None, plot: Path, explain:
         head=True,
     )
     steps.picture(plot, curves, *SHOWN[axis.unit])
-    say(f"{plot}: way and current over time.")
+    say(f"{plot}: position and current over time.")
 
 
 def figures(axis: Axis, name: str, response: step.Response) -> tuple[str, ...]:

@@ -120,7 +120,7 @@ def test_the_command_shows_limits_and_differences(bench):
         "axis: where the limits act",
         "other: where the limits act",
     ]
-    assert lines[-1] == "The bus is as the hardware file says."
+    assert lines[-1] == "Bus and hardware file agree."
     bench.scanned.pop()
     done = CliRunner().invoke(hil.command, ["check", str(bench.file)])
     assert done.exit_code == 1
@@ -155,7 +155,7 @@ def test_what_a_run_would_write_is_shown(capsys):
     assert "without it the drive's current limit does, 18.39 N as it is set." in text
     assert text.count("limits.velocity") >= 3
     assert f"{count} have another value during the run: object name before after why" in text
-    assert "axis: stop, left as it is unless the hardware file says otherwise:" in text
+    assert "axis: stop, unchanged unless the hardware file sets it:" in text
     assert "note: axis: limits.velocity 2500 mm/s is above the drive's own 2000 mm/s (6080h)." in text
 
 
@@ -171,7 +171,7 @@ def test_an_absurd_limit_is_a_problem():
 @pytest.mark.parametrize(
     ("values", "problems", "after", "is_free", "text"),
     [
-        ({}, [], State.DISABLED, True, "axis: is in no Fault."),
+        ({}, [], State.DISABLED, True, "axis: is not in Fault."),
         (
             {(0x6041, 0): WORDS[State.FAULT], (0x603F, 0): 0x4310},
             [],
@@ -209,7 +209,7 @@ def test_a_drive_leaves_fault(capsys, values, problems, after, is_free, text):
 
     node.sdo.write = write
     assert hil.reset_drive(master, node) is is_free
-    assert bool(node.server.written) is (after is not None and "is in no Fault" not in text)
+    assert bool(node.server.written) is (after is not None and "is not in Fault" not in text)
     assert " ".join(capsys.readouterr().out.split()).startswith(text)
 
 

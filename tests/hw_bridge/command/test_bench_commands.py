@@ -214,16 +214,16 @@ def test_a_place_is_held_for_a_time(run, duration, rests):
             [Push(1, 1.5, 64e-6), Push(-1, 1.25, -64e-6)],
             0,
             [
-                "axis: push of +1.50 N: 0.064 mm, as it should.",
-                "axis: push of -1.25 N: -0.064 mm, as it should.",
-                "The encoder counts the way the motor goes.",
+                "axis: push of +1.50 N: 0.064 mm, correct direction.",
+                "axis: push of -1.25 N: -0.064 mm, correct direction.",
+                "The encoder and motor have the same sign.",
             ],
         ),
         (
             [Push(1, 1.5, -64e-6), Push(-1, 1.25, -64e-6)],
             1,
             [
-                "axis: push of +1.50 N: -0.064 mm, the other way.",
+                "axis: push of +1.50 N: -0.064 mm, wrong direction.",
                 "The encoder counts against the motor: a closed loop would run away.",
             ],
         ),

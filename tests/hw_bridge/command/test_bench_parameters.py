@@ -118,7 +118,7 @@ def test_a_dump_is_compared_and_restored(run, tmp_path):
     assert text == f"a.dcf: {count} values of axis (FAULHABER Motion Control V3.0)."
     assert count > 50
     assert "Baudrate=1000\n" in file.read_text(encoding="latin-1")
-    assert run("compare", "axis", str(file)) == "axis holds what a.dcf says."
+    assert run("compare", "axis", str(file)) == "axis: all values equal a.dcf."
     run.values[0x6083, 0] = 300
     text = run("compare", "axis", str(file), code=1)
     assert re.sub(r"-+ ", "", text) == (

@@ -240,7 +240,7 @@ def test_a_step_is_shown_beside_that_of_the_twin(stepped):
     lines = stepped.run().splitlines(keepends=True)
     assert lines[0] == "      rise   overshoot  settled  left\n"
     assert "".join(lines[2:4]) == ROWS
-    assert lines[4] == "step.svg: way and current over time.\n"
+    assert lines[4] == "step.svg: position and current over time.\n"
     assert stepped.taken == [("simulated", 0.2, {})]  # a tenth of the following error's limit
     assert stepped.drawn == [("step.svg", ["axis", "twin"], "mm", 1e3)]
 

@@ -143,7 +143,7 @@ def test_check_shows_the_list_and_writes_nothing(build, name, monkeypatch, capsy
     assert "axis: a run writes" in told
     assert "limits.velocity" in told
     assert "heartbeat.lost_after" in told
-    assert "axis: stop, left as it is unless the hardware file says otherwise:" in told
+    assert "axis: stop, unchanged unless the hardware file sets it:" in told
     ((drive, before, written),) = made
     assert written == []
     if name != "mclm":

@@ -190,7 +190,7 @@ def test_the_commands(run, tmp_path):
     told = run("move", "axis", "--by", "1 mm", "-f", file)
     assert "is at 1.00 mm" in told
     assert "stopped and disabled" in told
-    assert "counts the way the motor goes" in run("direction", "axis", "-f", file)
+    assert "and motor have the same sign" in run("direction", "axis", "-f", file)
     assert "push of +0.08 N: 0 mm, not moved" in run("direction", "axis", "--share", "0.01", "-f", file, code=1)
     assert "Operation enabled at" in run("enable", "axis", "--for", "0.1", "-f", file)
     assert "Switch on disabled" in run("disable", "axis", "-f", file)

@@ -237,7 +237,7 @@ def test_the_commands(run, tmp_path):
     assert "--store" in run("set", "--help")
     file = tmp_path / "a.dcf"
     assert "218 values" in run("dump", "1", file, "-f", FORCE)
-    assert "holds what" in run("compare", "1", file, "-f", FORCE)
+    assert "all values equal" in run("compare", "1", file, "-f", FORCE)
     text = file.read_text()
     file.write_text(text.replace("ParameterValue=10000\n", "ParameterValue=5000\n"))
     told = run("compare", "1", file, "-f", FORCE, code=1)

@@ -37,9 +37,9 @@ TOLD = {
     "scan": "Switch on disabled",
     "status": "errors\n  none",
     "dump": "values of",
-    "compare": "holds what",
+    "compare": "all values equal",
     "check": "as the hardware file says",
-    "direction servomotor -f": "counts the way the motor goes",
+    "direction servomotor -f": "and motor have the same sign",
     "jog": "stopped and disabled",
     "--by": r"is at (0\.9[5-9]|1\.0[0-5]) mm",
     "--explain": "method",
@@ -48,7 +48,7 @@ TOLD = {
     "--dry-run": "Switched on, no power; 0 of 200 process data lost",
     "--arm --no-report": r"PASS (\d+) of \1 ",
     "store": "are stored",
-    "reset": "is in no Fault",
+    "reset": "is not in Fault",
 }
 
 

@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from hw_bridge.bridge.entry import load
+from hw_bridge.commission import axis
 from hw_bridge.hardware import file as hardware
 from hw_bridge.profiles import profile
 from hw_bridge.session.targets import unknown_mode
@@ -323,6 +324,10 @@ def test_a_bench_that_came_with_the_project_by_its_name(tmp_path, monkeypatch):
     assert hardware.load(Path("simulated_force")).nodes.keys() == hardware.load(ROOT / SIMULATED).nodes.keys()
     with pytest.raises(ScenarioError, match="no_bench: cannot be read"):
         hardware.load(Path("no_bench"))
+    keys = hardware.load(Path("simulated_force"))
+    assert axis(Path("simulated_force"), keys, "servomotor").rotary is False
+    with pytest.raises(ScenarioError, match=r"force\.yaml: is not there\. .* give the name alone, simulated_force\.$"):
+        hardware.load(Path(SIMULATED))
 
 
 def test_an_age_that_no_value_can_have(tmp_path):

@@ -75,7 +75,7 @@ def rig(request, tmp_path, build, monkeypatch):
 
 
 def compared(command, folder):
-    assert "holds what" in command("compare", 1, folder / "before.dcf")
+    assert "all values equal" in command("compare", 1, folder / "before.dcf")
 
 
 def until_syncs(channel, count, process, counted=lambda frame: frame.id == SYNC):

@@ -73,7 +73,7 @@ CASES = {
 def test_scan_check_and_first_motion(bench, case):
     path = bench(*CASES[case])
     assert "node 1 (servomotor): " in run("scan", "-f", path)
-    assert "The bus is as the hardware file says." in run("check", path)
+    assert "Bus and hardware file agree." in run("check", path)
     assert "servomotor: stopped and disabled." in run("move", "servomotor", "--by", "1 mm", "-f", path)
     told = run("move", "servomotor", "--by", "-2 mm", "-f", path)
     assert "is at -1.99 mm" in told or "is at -2.00 mm" in told or "is at -2.01 mm" in told
@@ -337,7 +337,7 @@ def test_a_drive_that_may_go_on_alone_is_told_positions_only(bench):
     eds = files.gripper(modes=0x25, velocity=True)
     told = run("check", bench("cia402", eds, ROTARY + UNITS + CONSTANT), code=1)
     assert "in csv and pv it may go on when this program dies. Correct it, or add `follow: {mode: csp}`" in told
-    assert "The bus is as the hardware file says." in run("check", bench("cia402", eds, PP_ONLY))
+    assert "Bus and hardware file agree." in run("check", bench("cia402", eds, PP_ONLY))
 
 
 def frames_of(rig):

@@ -138,6 +138,7 @@ def advise_names(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog], proble
                 lines.append(
                     f"{member.where}: member `{name}`: if {Path(member.component).name} has these variables under other names, "
                     f"map the scenario's names to its own: `names: {{{', '.join(pairs)}}}`."
+                    " `console: null` drops inherited controls."
                 )
     return lines
 
