@@ -260,8 +260,8 @@ def test_wrong_columns_are_one_line(columns, message, tmp_path):
 
 
 BAD = [
-    ("", "column handle_mm is missing; there is nothing"),
-    ("handle_mm;tip\n1;2\n", "column tip_mm is missing; there is handle_mm, tip"),
+    ("", "column `handle_mm` is missing; there is nothing"),
+    ("handle_mm;tip\n1;2\n", "column `tip_mm` is missing; there is handle_mm, tip"),
     ("handle_mm,tip_mm\n", "has no readings below its header"),
     ("handle_mm,tip_mm\n1,2\n3\n", "moves.csv:3: tip_mm is '', expected a number"),
     ("handle_mm,tip_mm\n1,two\n", "moves.csv:2: tip_mm is 'two', expected a number"),
