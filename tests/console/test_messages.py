@@ -112,7 +112,7 @@ def test_a_tick_holds_what_has_changed():
     tick = json.loads(tick_message(setting.console, "operator", 9, setting.messages))
     assert tick == {
         "tick": 9,
-        "stop": "End",
+        "stop": "STOP",
         "operator": True,
         "attend": True,
         "phase": "running",
@@ -173,18 +173,19 @@ def test_what_moves_in_space_is_sent_when_it_has_changed():
 
 
 @every_case(
-    ("hardware", "phase", "label"),
+    ("hardware", "phase", "operated", "label"),
     [
-        ("bench", "stopped", "STOP"),
-        (None, "running", "End"),
-        (None, "starting", "End"),
-        (None, "stopped", ""),
-        (None, "failed", ""),
+        ("bench", "stopped", False, "STOP"),
+        (None, "running", True, "STOP"),
+        (None, "running", False, "End"),
+        (None, "stopped", True, ""),
+        (None, "failed", True, ""),
     ],
 )
-def test_the_button_that_ends_everything(hardware, phase, label):
-    """STOP is for what can hurt: drives. A simulation ends, with controls too."""
-    live = SimpleNamespace(state=SimpleNamespace(phase=phase), catalog=SimpleNamespace(controls=[CONTROL]))
+def test_the_button_that_ends_everything(hardware, phase, operated, label):
+    """STOP is for motion: of drives, and of a rig under controls. Any other simulation ends."""
+    controls = [CONTROL] if operated else []
+    live = SimpleNamespace(state=SimpleNamespace(phase=phase), catalog=SimpleNamespace(controls=controls))
     assert Host(hardware=hardware, live=live).stop_label == label
     assert Host(hardware=hardware, live=live).catalog is live.catalog
     assert (Host().stop_label, Host().catalog, Host().source, Host().drives_in_use) == ("", None, None, "")

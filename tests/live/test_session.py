@@ -323,11 +323,12 @@ def test_what_commands_do():
         assert session.phase == after
     commands.execute(session, {"ask": "reset"})
     assert (session.ending, session.again, session.running) == (True, True, False)
-    for phase, drives, expected in (
-        ("running", None, [("stop", "End"), "withdraw_message"]),
-        ("ended", "drives", [("stop", "STOP")]),  # the message says why it has ended
+    for phase, drives, controls, expected in (
+        ("running", None, (), [("stop", "End"), "withdraw_message"]),
+        ("running", None, ("a.x",), [("stop", "STOP"), "withdraw_message"]),
+        ("ended", "drives", (), [("stop", "STOP")]),  # the message says why it has ended
     ):
-        session = fake_session(phase=phase, drives=drives)
+        session = fake_session(phase=phase, drives=drives, session_scenario=SimpleNamespace(console=controls))
         commands.execute(session, {"ask": "stop"})
         assert (session.ending, session.again, session.calls) == (True, False, expected)
     rates = {rate: checked_rate(rate) for rate in (0.1, 1, 10.0, math.inf)}

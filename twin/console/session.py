@@ -153,8 +153,12 @@ class Host:
 
     @property
     def stop_label(self) -> str:
-        """Text of the button that ends everything: STOP with drives, End without; empty if nothing runs."""
-        return "STOP" if self.hardware is not None else "End" if self.is_open else ""
+        """Text of the button that ends everything: STOP where drives or a rig under controls may move; empty if nothing runs."""
+        if self.hardware is not None:
+            return "STOP"
+        if self.live is None or not self.is_open:
+            return ""
+        return "STOP" if self.live.catalog is None or self.live.catalog.controls else "End"
 
     def metrics_before(self, run: Any) -> dict[str, str]:
         """Return the metrics of the run before this one, by name; `run`: identity of this one."""

@@ -86,9 +86,8 @@ def reset(session: Session, _: Message) -> None:
 def stop(session: Session, _: Message) -> None:
     """End the session."""
     session.ending = True
-    session.executor.add_done(
-        session.simulated.time, "stop", "STOP" if session.drives else "End", "", by_operator=False
-    )
+    text = "STOP" if session.drives or session.session_scenario.console else "End"
+    session.executor.add_done(session.simulated.time, "stop", text, "", by_operator=False)
     if session.phase != "ended":  # that message says why
         session.withdraw_message()
 
