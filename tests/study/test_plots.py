@@ -455,7 +455,7 @@ def test_which_pictures_a_page_has(study, tmp_path, drawn):
     rate, _, bend = tables.factors(outcome)
     assert bend["targets"] == "wall.bending_stiffness (multiplied)"
     assert bend["kind"] == "log-normal: median x 1, geometric standard deviation 1.2"
-    assert rate["kind"] == "normal: mean 70 1/min, standard deviation 12 1/min; from 45 1/min to 110 1/min"
+    assert rate["kind"] == "normal: mean 70 /min, standard deviation 12 /min; from 45 /min to 110 /min"
 
 
 def test_numbers_that_json_has_not():

@@ -206,13 +206,13 @@ def test_the_card_of_a_running_command(typed, build):
     runner.begin("jog", "axis", (), (10.0, "mm/s"))
     runner.running = True
     page = build(runner)
-    assert page.labels[-2] == runner.line == f"twin hil jog axis -f {runner.file}"
-    assert page.labels[-1] == "powering on ... Keys have no effect yet."
+    assert page.labels[-1] == runner.line == f"twin hil jog axis -f {runner.file}"
+    assert page.labels[0] == "powering on ... Keys have no effect yet."
     assert {name for name, enabled in page.enabled.items() if enabled} == {"End"}
     assert (page.enabled["End"], page.spins, page.controls) == (True, False, [])
     runner.text = f"axis: {READY}"
     page = build(runner)
-    assert page.labels[-1] == "ready: hold an arrow key or a button"
+    assert page.labels[0] == "ready: hold an arrow key or a button"
     ((control,),) = page.controls
     assert (control["name"], control["keys"]) == ("jog axis", ["ArrowRight", "ArrowLeft"])
     assert (control["low"], control["high"], control["unit"]) == (-10.0, 10.0, "mm/s")
