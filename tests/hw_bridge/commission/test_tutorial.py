@@ -38,7 +38,7 @@ TOLD = {
     "status": "errors\n  none",
     "dump": "values of",
     "compare": "all values equal",
-    "check": "as the hardware file says",
+    "check": "Bus and hardware file agree",
     "direction servomotor -f": "and motor have the same sign",
     "jog": "stopped and disabled",
     "--by": r"is at (0\.9[5-9]|1\.0[0-5]) mm",
