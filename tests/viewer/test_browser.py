@@ -1,4 +1,7 @@
-"""The page in a browser, as a person uses it: signals, expressions, panes, kinds of plots."""
+"""The page in a browser, as a person uses it: signals, expressions, panes, kinds of plots.
+
+Over 400 lines: one server and its runs serve all tests.
+"""
 
 import json
 import shutil

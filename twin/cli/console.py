@@ -71,7 +71,8 @@ def command(
     Without SCENARIO the page lists them. The printed URL contains a token: every browser that has it may watch, the first
     one operates. Only this machine is served.
 
-    Motion lasts while a control is held. STOP and Esc stop drives, End ends a simulation, Ctrl-C in the terminal does both.
+    Motion lasts while a control is held. STOP stops drives or a rig under controls, End ends any other simulation,
+    and Ctrl-C in the terminal does both; Esc stops drives.
     All operations are recorded in the run's folder; `operated.yaml` in it repeats them.
 
     \b

@@ -292,14 +292,12 @@ def condense(done: Sequence[ExecutedCommand], controls: Mapping[str, CatalogCont
         rest = control.rest if isinstance(given, bool) else control.factor * control.rest + control.offset
         now = bool(equals) and given != (rest if isinstance(rest, bool) else float(f"{rest:.6g}"))
         if now != moving.get(control.input, False):
-            text = HELD if isinstance(given, bool) else f"{HELD} at {value}"
-            text = (
-                text
-                if now
-                else RELEASED
-                if equals
-                else f"{RELEASED} by the dead-man switch, the page answered too late"
-            )
+            if now:
+                text = HELD if isinstance(given, bool) else f"{HELD} at {value}"
+            elif command.kind == EXPIRED:
+                text = f"{RELEASED} by the dead-man switch, the page answered too late"
+            else:
+                text = RELEASED
             condensed_commands.append(replace(command, text=f"{control.label}{text}"))
         moving[control.input] = now
     return condensed_commands

@@ -176,4 +176,6 @@ def format_value(
     number = unit.round_trip((value - offset) / factor)  # as in the summary: no text differs by a rounding error
     text = f"{number:.{digits}g}" if decimals is None else f"{number:.{decimals}f}"
     label = unit.shown(symbol)
-    return f"{text if float(text) else text.lstrip('-')} {label[label.startswith('1/') :]}".rstrip()  # 60 /min
+    if label.startswith("1/"):
+        label = label.removeprefix("1")
+    return f"{text if float(text) else text.lstrip('-')} {label}".rstrip()  # 60 /min
