@@ -34,12 +34,13 @@ def table(summary: Mapping[str, Any]) -> str:
     for metric in summary["metrics"].values():
         if metric["tolerance"] is None:
             continue
-        unit = metric["unit"]
+        unit, label = metric["unit"], metric["description"]
         for variant, one in metric["variants"].items():
             values, paper = one["values"].values(), one["paper"]
             known = f"{paper:#.3g} {unit}" if paper is not None else ""
             ratio = span((value / paper for value in values), ".2f") if paper else ""
-            rows.append(f"| {metric['description']} | {variant} | {known} | {span(values, '#.3g')} {unit} | {ratio} |")
+            rows.append(f"| {label} | {variant} | {known} | {span(values, '#.3g')} {unit} | {ratio} |")
+            label = ""
     return "\n".join(rows)
 
 

@@ -387,6 +387,18 @@ def test_a_class_takes_a_members_place(scenario, place, build):
 
 
 @pytest.mark.slow
+class Misspelled(Types):
+    """A component that cannot be compiled."""
+
+    def step(self, t, h):
+        self.place = self.gian * self.push
+
+
+def test_a_run_in_which_no_case_can_begin_raises(scenario, place, build):
+    with pytest.raises(ScenarioError, match=r"Misspelled .*test_run.py:\d+.: `self.gian` is not declared. Did you mean `gain`"):
+        scenario.set("part.component", Misspelled).run(out=place / "runs", build=build)
+
+
 def test_an_export_is_refused_or_made(fmu, scenario, tmp_path, build):
     assert fmu.exists()
     for arguments, text in (

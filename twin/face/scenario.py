@@ -127,7 +127,7 @@ class Scenario:
         """Run variants with seeds, default all, and write the folder `out/<name>/<time>/`.
 
         `progress`: True for a bar, or a callback with a case's name and its completed fraction. `backend`: fmu, compiled or
-        interpreted. `checkpoint`: simulated time between two checkpoints, for `Run.resume` and `Run.branch`. A failure of a member and Ctrl-C end a run early: see its `status` and `reason`; recorded signals are kept.
+        interpreted. `checkpoint`: simulated time between two checkpoints, for `Run.resume` and `Run.branch`. A failure of a member and Ctrl-C end a run early: see its `status` and `reason`; recorded signals are kept. ScenarioError if no case could begin, as when a component cannot be compiled.
         """
         backend = former_argument("form", form, "backend", backend)
         with python_option_names(), progress_callback(progress, self.title) as report_progress:
@@ -141,6 +141,8 @@ class Scenario:
                 checkpoint_ns=nanoseconds(checkpoint, "checkpoint"),
             )
             outcome = run_scenario(self.checked, options, callbacks=RunCallbacks(progress=report_progress))
+        if outcome.run.status == "failed" and not outcome.tables:
+            raise ScenarioError(list(dict.fromkeys(outcome.run.reason.splitlines())))
         return Run(outcome.folder, self, [] if backend == Backend.interpreted else sourceless(self._classes.values()))
 
     def simulate(
