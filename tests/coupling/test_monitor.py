@@ -10,7 +10,13 @@ from tests.coupling.test_plan import MS, Fake, planned, variable
 from tests.every_case import every_case
 from twin.coupling import Connection, CoupledSystem
 from twin.coupling.execution import finite_value_monitor, loop
-from twin.coupling.execution.finite_value_monitor import LINE, REMEDY, FiniteValueMonitor, finite_value, finite_variables
+from twin.coupling.execution.finite_value_monitor import (
+    LINE,
+    REMEDY,
+    FiniteValueMonitor,
+    finite_value,
+    finite_variables,
+)
 from twin.coupling.execution.loop import KINDS
 from twin.coupling.execution.value_memory import bits
 

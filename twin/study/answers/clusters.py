@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import stats
 
+from twin.study.answers.statistics import largest_p_value
 from twin.study.design import SAMPLED
 from twin.study.execution.case_engine import DONE
 
@@ -18,19 +19,22 @@ if TYPE_CHECKING:
     Array = np.ndarray[Any, Any]
 
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
-SEPARATION_MINIMUM = 0.15  # by which a factor has to separate: 0 by chance, 0.5 entirely
 MOST = 3  # factors that are named
 FEWEST = 5  # cases from which one can tell what they have in common
 
 
 @dataclass(frozen=True)
 class DiscriminatingFactor:
-    """A factor by which cases of a cluster differ: how well it separates (-0.5 to 0.5), medians inside and outside."""
+    """A factor by which cases of a cluster differ: how well it separates (-0.5 to 0.5), medians inside and outside.
+
+    `p_value`: of no difference (Mann and Whitney).
+    """
 
     factor: str
     separation: float
     inside: float
     outside: float
+    p_value: float
 
 
 @dataclass(frozen=True)
@@ -69,13 +73,18 @@ def clusters(cases: CaseTable) -> list[FailureCluster]:
         numbers = tuple(cases.requests[i].number for i in case_indices)
         factors = discriminating_factors(study, values, case_indices, own)
         groups.append(FailureCluster(variant, what, numbers, len(own), cases.rows[case_indices[0]].why, factors))
-    return sorted(groups, key=lambda group: -len(group.cases))
+    largest = largest_p_value(factor.p_value for group in groups for factor in group.factors)
+    named = (
+        replace(group, factors=tuple(factor for factor in group.factors if factor.p_value <= largest)[:MOST])
+        for group in groups
+    )
+    return sorted(named, key=lambda group: -len(group.cases))
 
 
 def discriminating_factors(
     study: Any, values: Array, case_indices: list[int], own: list[int]
 ) -> tuple[DiscriminatingFactor, ...]:
-    """Factors that differ most between some cases and all others: by how often one of them is above one of the others."""
+    """Factors by how much they differ between some cases and all others: how often one of them is above one of the others."""
     inside = np.array(case_indices)
     outside = np.array(sorted(set(own) - set(case_indices)), int)
     if len(inside) < FEWEST or len(outside) < FEWEST:
@@ -85,7 +94,8 @@ def discriminating_factors(
         a, b = values[inside, k], values[outside, k]
         if not (np.isfinite(a).all() and np.isfinite(b).all()):
             continue
-        above = float(stats.mannwhitneyu(a, b).statistic) / (len(a) * len(b)) - 0.5
-        if abs(above) >= SEPARATION_MINIMUM:
-            factors.append(DiscriminatingFactor(factor.name, above, float(np.median(a)), float(np.median(b))))
-    return tuple(sorted(factors, key=lambda factor: -abs(factor.separation))[:MOST])
+        test = stats.mannwhitneyu(a, b)
+        above = float(test.statistic) / (len(a) * len(b)) - 0.5
+        medians = float(np.median(a)), float(np.median(b))
+        factors.append(DiscriminatingFactor(factor.name, above, *medians, float(test.pvalue)))
+    return tuple(sorted(factors, key=lambda factor: -abs(factor.separation)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from html import escape as html_escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from twin.study.execution.study_runner import StudyOutcome
 
 PAGE, ANSWERS = "report.html", "answers.json"
+CLICK = "Click it: what its case fails, and the command that opens the case"
 EXAMPLES = 12  # numbers of cases that are named
 TITLES = {
     "variants": "Variants",
@@ -150,17 +151,25 @@ def linked(sentence: Sentence, named: Callable[[int], str]) -> str:
     return text if number is None else text.replace(f"case {number}", f"case {named(number)}")
 
 
-def pictures(outcome: StudyOutcome, answers: Answers) -> dict[str, list[tuple[str, str, str]]]:
-    """Titles, notes and plots by group: signals over time, then each metric."""
+class Plot(NamedTuple):
+    """A plot with its title and a note; a wide one has a row of its own."""
+
+    title: str
+    note: str
+    svg: str
+    is_wide: bool = False
+
+
+def pictures(outcome: StudyOutcome, answers: Answers) -> dict[str, list[Plot]]:
+    """Plots by group: signals over time, then each metric."""
     study, cases = outcome.study, outcome.cases
-    figures: dict[str, list[tuple[str, str, str]]] = {}
+    figures: dict[str, list[Plot]] = {}
 
     def unit(metric: str) -> str:
         return answers.formats[metric].unit
 
-    def add(group: str, *figure: str) -> None:
-        title, note, svg = figure
-        figures.setdefault(group, []).append((title, note, svg))
+    def add(group: str, *plot: Any) -> None:
+        figures.setdefault(group, []).append(Plot(*plot))
 
     for index, name in enumerate(study.bands):
         if (outcome.folder / case_table.BANDS).exists():
@@ -172,21 +181,22 @@ def pictures(outcome: StudyOutcome, answers: Answers) -> dict[str, list[tuple[st
             add(spread.metric, "Distribution", note, plots.histograms(cases, spread.metric, unit(spread.metric)))
     if study.design.method not in ("one_at_a_time", "grid") and study.factors:
         for spread in first_of(answers)[:2]:
-            for variant in study.variants:
-                if any(item.metric == spread.metric and item.variant == variant for item in answers.spreads):
-                    k = strongest(answers, spread.metric, variant)
-                    title = f"{variant}, over {study.factors[k].name}"
-                    note = "a point is a case; red: something fails in it. Click a point to open its case"
-                    add(
-                        spread.metric, title, note, plots.scatter(cases, spread.metric, variant, k, unit(spread.metric))
-                    )
-                    note = "a line is a case, from its factors to the metric; red: something fails in it. Click a line to open its case"
-                    add(
-                        spread.metric,
-                        f"{variant}, over all factors",
-                        note,
-                        plots.parallel(cases, spread.metric, variant, unit(spread.metric)),
-                    )
+            metric = spread.metric
+            variants = [item.variant for item in answers.spreads if item.metric == metric]
+            for variant in variants:
+                k = strongest(answers, metric, variant)
+                note = f"a point is a case; red: something fails in it. {CLICK}"
+                svg = plots.scatter(cases, metric, variant, k, unit(metric))
+                add(metric, f"{variant}, over {study.factors[k].name}", note, svg)
+            for variant in variants:
+                note = f"a line is a case, from its factors to the metric; red: something fails in it. {CLICK}"
+                add(
+                    metric,
+                    f"{variant}, over all factors",
+                    note,
+                    plots.parallel(cases, metric, variant, unit(metric)),
+                    True,
+                )
     return figures
 
 

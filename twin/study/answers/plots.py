@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     Array = np.ndarray[Any, Any]
 
+WIDTH, WIDE = 4.4, 9.2  # of a plot that is legible on a phone, and of one with many axes [inch]
 LINES = 400  # of parallel coordinates: more are one area
 BAD, GOOD = "#b42335", "#0b62a4"
 BANDS = (0.0, 0.05, 0.25, 0.75, 0.95, 1.0)
@@ -74,7 +75,7 @@ def parallel(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
         axis.set_ylim(-0.12, 1.12)
         axis.grid(visible=False)
 
-    return figure_files.render_svg((9.2, 4.2), f"parallel {metric} {variant}", paint)
+    return figure_files.render_svg((WIDE, 4.2), f"parallel {metric} {variant}", paint)
 
 
 def scatter(cases: CaseTable, metric: str, variant: str, factor: int, unit: str) -> str:
@@ -101,7 +102,7 @@ def scatter(cases: CaseTable, metric: str, variant: str, factor: int, unit: str)
         axis.set_xlabel(plotting.axis_label(varied.name, varied.shown_unit))
         axis.set_ylabel(plotting.axis_label(metric, unit))
 
-    return figure_files.render_svg((9.2, 3.4), f"scatter {metric} {variant}", paint)
+    return figure_files.render_svg((WIDTH, 3.0), f"scatter {metric} {variant}", paint)
 
 
 def failing(cases: CaseTable) -> list[bool]:
@@ -150,7 +151,7 @@ def histograms(cases: CaseTable, metric: str, unit: str) -> str:
         grid[-1, 0].set_xlabel(plotting.axis_label(metric, unit))
 
     height = 0.6 + (1.35 if is_common else 1.55) * len(own)
-    return figure_files.render_svg((9.2, height), f"histogram {metric}", paint, nrows=len(own), sharex=is_common)
+    return figure_files.render_svg((WIDTH, height), f"histogram {metric}", paint, nrows=len(own), sharex=is_common)
 
 
 def bin_edges(values: Array) -> Array:
@@ -205,7 +206,7 @@ def bands(folder: Path, cases: CaseTable, name: str, index: int) -> str:
         grid[-1, 0].set_xlabel("time [s]")
 
     return figure_files.render_svg(
-        (9.2, 0.6 + 1.6 * len(own)), f"bands {name} {index}", paint, nrows=len(own), sharex=True
+        (WIDTH, 0.6 + 1.6 * len(own)), f"bands {name} {index}", paint, nrows=len(own), sharex=True
     )
 
 
@@ -264,13 +265,13 @@ def effects(metric_sensitivity: MetricSensitivity, unit: str) -> str:
         axis.grid(visible=False, axis="y")
         axis.axvline(0.0, color="#1f2933", linewidth=0.8)
         if len(kinds) > 1:
-            axis.legend(frameon=False, fontsize=8)
+            axis.legend(frameon=False, fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
         axis.set_xlabel(quantity)
         if metric_sensitivity.kind == "rank":
             axis.set_xlim(-1.0, 1.0)
 
     return figure_files.render_svg(
-        (9.2, 0.9 + 0.3 * len(names) * len(kinds)),
+        (WIDTH, 0.9 + 0.25 * len(names) * len(kinds)),
         f"effects {metric_sensitivity.metric} {metric_sensitivity.variant}",
         paint,
     )
@@ -293,7 +294,7 @@ def tornado(changes: Sequence[Change], unit: str, name: str, labels: Sequence[st
         axis.axvline(0.0, color="#1f2933", linewidth=0.8)
         axis.set_xlabel(plotting.axis_label(f"change of {name}", unit))
 
-    return figure_files.render_svg((9.2, 0.9 + 0.24 * len(order)), f"tornado {name}", paint)
+    return figure_files.render_svg((WIDE, 0.9 + 0.24 * len(order)), f"tornado {name}", paint)
 
 
 def tuning_history(tuned: Tuned, unit: str, name: str, is_difference: bool = False) -> str:
@@ -319,4 +320,4 @@ def tuning_history(tuned: Tuned, unit: str, name: str, is_difference: bool = Fal
         axis.set_ylabel(plotting.axis_label(name, unit))
         axis.legend(frameon=False, fontsize=8)
 
-    return figure_files.render_svg((9.2, 3.2), f"tuning {name}", paint)
+    return figure_files.render_svg((WIDE, 3.2), f"tuning {name}", paint)

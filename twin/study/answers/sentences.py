@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from twin.results import common_format, list_names
 from twin.study.answers.paired import INDEPENDENT_SAMPLES, MIN_SAMPLES
-from twin.study.answers.statistics import expectation_name
+from twin.study.answers.statistics import FAMILY_LEVEL, expectation_name, largest_p_value
 from twin.study.answers.summary import percent
 from twin.study.design import SAMPLED
 
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 MAX_SENTENCES = 3  # of a kind
 MAX_FACTORS = 2  # named as causes of a metric
-FAMILY_LEVEL = 0.05  # probability that any of the named causes is none
 MAX_MEANING = 80  # letters of a metric's description that fits into a sentence
 MAX_INDEX = 1.1  # total Sobol index that errors of enough samples can still give
 CAUSES = {
@@ -228,8 +227,10 @@ def cause_sentences(answers: Answers) -> list[Sentence]:
     tested = tested_drivers(answers)
     if not tested or few_sentences(answers):
         return []
-    largest, sentences, unexplained = largest_p_value(tested), [], []
+    largest = largest_p_value(effect.p_value for driver in tested for effect in driver.effects)
+    sentences, unexplained = list[Sentence](), list[Sentence]()
     missed = missed_metrics(answers)
+    separated = {cluster.variant for cluster in answers.clusters if cluster.factors}
     for driver in tested:
         variant = f" with {driver.variant}" if len(answers.study.variants) > 1 else ""
         what = f"{meaning(answers, driver.metric)}{variant}"
@@ -238,7 +239,7 @@ def cause_sentences(answers: Answers) -> list[Sentence]:
             start = CAUSES[driver.kind][len(effects) > 1].format(what)
             names = " and ".join(f"{effect.factor} ({effect_text(answers, driver, effect)})" for effect in effects)
             sentences.append(sentence(f"{start} {names}."))
-        elif (driver.metric, driver.variant) in missed:
+        elif (driver.metric, driver.variant) in missed and driver.variant not in separated:
             unexplained.append(sentence(f"{what} fails in some cases; no factor's effect on it differs from chance."))
     if not sentences:
         count = len(answers.study.design.values)
@@ -271,17 +272,6 @@ def tested_drivers(answers: Answers) -> list[MetricSensitivity]:
     return sorted(own, key=lambda driver: judged.index(driver.metric))
 
 
-def largest_p_value(drivers: list[MetricSensitivity], level: float = FAMILY_LEVEL) -> float:
-    """Return the largest p value that Holm's method (Scand. J. Stat. 6, 1979) accepts as an effect; -1 if none."""
-    p_values = sorted(effect.p_value for driver in drivers for effect in driver.effects if effect.p_value >= 0.0)
-    accepted, count = -1.0, len(p_values)
-    for rank, value in enumerate(p_values):
-        if value > level / (count - rank):
-            break
-        accepted = value
-    return accepted
-
-
 def holm_note(answers: Answers) -> str:
     """Return how the headline decides on causes, for the page; "" where it ranks none."""
     tested = tested_drivers(answers)
@@ -289,8 +279,8 @@ def holm_note(answers: Answers) -> str:
     if not tested or few_sentences(answers):
         return ""
     return (
-        f"The sentences at the top name a factor only where Holm's method at {percent(FAMILY_LEVEL)} over {count} tests (each factor on "
-        f"each judged metric of each variant) excludes chance. The {percent(answers.study.keys.confidence)} confidence intervals hold for each bar by itself."
+        f"Sentences at the top and the table of failures name a factor only where Holm's method at {percent(FAMILY_LEVEL)} excludes chance (here {count} tests: each factor on "
+        f"each judged metric of each variant). The {percent(answers.study.keys.confidence)} confidence intervals hold for each bar by itself."
     )
 
 

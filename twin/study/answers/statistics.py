@@ -14,13 +14,15 @@ from twin.study.design import SAMPLED, is_cut
 from twin.study.execution.case_engine import DONE
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from twin.results import Expectation, Metric
     from twin.study.design import Study
     from twin.study.execution.case_table import CaseTable
 
     Array = np.ndarray[Any, Any]
+
+FAMILY_LEVEL = 0.05  # probability that any of the named causes is none
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,17 @@ class LeftOut:
     kind: str
     variants: tuple[str, ...]
     why: str
+
+
+def largest_p_value(p_values: Iterable[float], level: float = FAMILY_LEVEL) -> float:
+    """Return the largest p value that Holm's method (Scand. J. Stat. 6, 1979) accepts as an effect; -1 if none. NaN is no test."""
+    ordered = sorted(value for value in p_values if value >= 0.0)
+    accepted, count = -1.0, len(ordered)
+    for rank, value in enumerate(ordered):
+        if value > level / (count - rank):
+            break
+        accepted = value
+    return accepted
 
 
 def quantile(values: Array, part: float, confidence: float) -> Quantile:
