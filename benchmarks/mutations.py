@@ -356,7 +356,9 @@ def write(name: str, row: str) -> None:
     begin, end = "<!-- results mutations -->\n", "<!-- end -->"
     before, _, rest = PAGE.read_text().partition(begin)
     after = rest.partition(end)[2]
-    PAGE.write_text(f"{before}{begin}In all scenarios {noticed} of {tried} mutations are noticed ({100 * noticed // tried} %).\n{end}{after}")
+    PAGE.write_text(
+        f"{before}{begin}In all scenarios {noticed} of {tried} mutations are noticed ({100 * noticed // tried} %).\n{end}{after}"
+    )
 
 
 def main() -> None:

@@ -395,7 +395,9 @@ class Misspelled(Types):
 
 
 def test_a_run_in_which_no_case_can_begin_raises(scenario, place, build):
-    with pytest.raises(ScenarioError, match=r"Misspelled .*test_run.py:\d+.: `self.gian` is not declared. Did you mean `gain`"):
+    with pytest.raises(
+        ScenarioError, match=r"Misspelled .*test_run.py:\d+.: `self.gian` is not declared. Did you mean `gain`"
+    ):
         scenario.set("part.component", Misspelled).run(out=place / "runs", build=build)
 
 

@@ -255,7 +255,9 @@ class FiniteValueMonitor:
         others = [f"{name}.{path}" for path in candidates if path != first]
         more = f" ({', '.join(others[:2])}{' and others' if len(others) > 2 else ''} too)" if others else ""
         line = LINE if isinstance(member, RecordMember) or member.has_cheap_fmu_state else ""
-        cause = f"with finite inputs. {line}{REMEDY}" if is_source else f"and not all of its inputs are finite. {REMEDY}"
+        cause = (
+            f"with finite inputs. {line}{REMEDY}" if is_source else f"and not all of its inputs are finite. {REMEDY}"
+        )
         return f"{name}.{first}{element} is {value[index]:g} {when}{more}, {cause}"
 
     def spell(self, parts: Iterable[tuple[np.ndarray[Any, Any], Mapping[str, np.ndarray[Any, Any]]]]) -> str:
