@@ -79,16 +79,14 @@ def entry_steps(node: Node, invalid: Steps) -> Steps:
 
 def dropped(node: Node, invalid: Steps) -> Node:
     """Return the tree without the nodes at the invalid paths."""
+    if not invalid:
+        return node
     if isinstance(node.value, dict):
         below = {key: entry_steps(item, invalid.get(key, {})) for key, item in node.value.items()}
         entries = {key: dropped(item, below[key]) for key, item in node.value.items() if None not in below[key]}
-        return Node(entries, node.location) if invalid else node
-    if isinstance(node.value, list):
-        items = [
-            dropped(item, invalid.get(i, {})) for i, item in enumerate(node.value) if None not in invalid.get(i, {})
-        ]
-        return Node(items, node.location) if invalid else node
-    return node
+        return Node(entries, node.location)
+    items = [dropped(item, invalid.get(i, {})) for i, item in enumerate(node.items) if None not in invalid.get(i, {})]
+    return Node(items, node.location) if isinstance(node.value, list) else node
 
 
 def line(root: Node, error: Any, model: Any = ScenarioKeys) -> str:
