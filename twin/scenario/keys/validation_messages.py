@@ -175,7 +175,7 @@ class KeyFile:
 
     def add_problem(self, error: TwinError | str, *path: str | int) -> None:
         """Add the problems of a key."""
-        texts = getattr(error, "problems", [str(error)])
+        texts = [error] if isinstance(error, str) else error.problems
         self.problems += [f"{self.location(*path)}: {dotted(path)}: {text}" for text in texts]
 
     def stop_if_wrong(self) -> None:
