@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from twin import clock
 from twin.component import unit
 from twin.errors import TwinError
 from twin.installed import import_optional
+from twin.results.recording.run_folder import to_json_value
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -109,14 +109,8 @@ class Topics:
 def row_values(variable: RecordedVariable, rows: Any) -> list[Any]:
     """Return a value for each row, a list for an array."""
     columns = [rows.column(name).to_numpy(zero_copy_only=False) for name in variable.columns]
-    return [to_json_value(value) for value in np.stack(columns, 1).reshape(-1, *variable.shape).tolist()]
-
-
-def to_json_value(value: Any) -> Any:
-    """Convert a value to JSON: NaN and infinity become null."""
-    if isinstance(value, list):
-        return [to_json_value(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    values: list[Any] = to_json_value(np.stack(columns, 1).reshape(-1, *variable.shape))
+    return values
 
 
 def message_schema(member: str, variables: Sequence[RecordedVariable], schema: Any) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from twin.errors import ScenarioError
 from twin.results import check_sentence
 from twin.scenario import check
 from twin.scenario.event_specs import ConditionSpec, EventSpec, FaultSpec
-from twin.scenario.keys import console_keys, former_names, metric_keys
+from twin.scenario.keys import former_names, metric_keys
 from twin.scenario.keys.schema import RunKeys
 from twin.scenario.keys.validation_messages import by_line, validate
 from twin.scenario.resolution import component_references
@@ -159,7 +159,7 @@ def assemble(
         root,
         unpatched,
         scenes,
-        console_keys.controls(keys, valid_tree),
+        tuple(item.model_copy(update={"label": item.label or item.input}) for item in keys.console.controls),
         {name: tuple(ends) for name, ends in keys.console.parameters.items()},
         keys.console.targets,
         tuple(keys.console.warnings),

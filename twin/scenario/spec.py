@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from twin.component import Component
     from twin.coupling import Catalog
     from twin.results import Analysis, Expectation, Metric, Plot
-    from twin.scenario.keys.schema import MutationKeys, TargetKeys, WarningKeys
+    from twin.scenario.keys.schema import ControlKeys, MutationKeys, TargetKeys, WarningKeys
     from twin.scenario.resolution.variable_names import Variables
     from twin.scenario.yaml_files.yaml_node import Node
     from twin.scene import Scene
@@ -105,29 +105,6 @@ class MemberSpec:
             else:
                 values[variable.name] = resolved
         return values, problems
-
-
-@dataclass(frozen=True)
-class ControlSpec:
-    """An operator control of an input. `range` and `rest` are as written: one symmetric value, a pair, or None.
-
-    `keys` and `buttons`: for the upper limit, then for the lower one. No `variants`: all in which the input is unconnected.
-    """
-
-    input: str
-    label: str = ""
-    description: str = ""
-    range: Any = None
-    rest: Any = None
-    dead_zone: float = 0.0  # part of the deflection
-    along: dict[str, Any] = field(default_factory=dict)  # inputs set to a value while the control is held
-    stick: str = ""
-    keys: tuple[str, ...] = ()
-    axis: int | None = None
-    reverse: bool = False
-    buttons: tuple[int, ...] = ()
-    variants: tuple[str, ...] = ()
-    where: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True)
@@ -261,7 +238,7 @@ class ScenarioSpec:
     tree: Node = field(repr=False, compare=False)
     source_tree: Node = field(repr=False, compare=False)  # the tree before `overrides`
     scenes: tuple[Scene, ...] = ()
-    console: tuple[ControlSpec, ...] = ()
+    console: tuple[ControlKeys, ...] = ()
     console_parameters: dict[str, tuple[Any, ...]] = field(default_factory=dict)  # slider ends as written, or none
     console_targets: TargetKeys | None = None
     console_warnings: tuple[WarningKeys, ...] = ()

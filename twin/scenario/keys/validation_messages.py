@@ -107,6 +107,8 @@ def line(root: Node, error: Any, model: Any = ScenarioKeys) -> str:
     if kind == "literal_error":
         choices = error["ctx"]["expected"].replace(" or ", ", ").replace("'", "").split(", ")
         return f"{location}: {key_path}: `{short(value)}` is not known.{nearest(str(value), choices)}"
+    if kind == "too_long":
+        return f"{location}: {key_path}: expected at most {error['ctx']['max_length']} values, not {quoted(value)}."
     if path[0] == "connections" and isinstance(value, str):
         return f"{location}: {key_path}: {quoted(value)} is no connection. {arrow(value)}"
     if kind in KINDS:
