@@ -15,7 +15,7 @@ from twin.errors import DeclarationError, ScenarioError
 from twin.results import Evaluation, HardwareTermination, Signals
 from twin.results import run_folder as results
 from twin.run.conditions import conditions_of
-from twin.scenario import Backend, members
+from twin.scenario import Backend, members, resolve_catalogs  # noqa: F401 - a name of twin.run
 
 if TYPE_CHECKING:
     from twin.coupling import Catalog, Member, Recorder
@@ -120,16 +120,6 @@ class RunResult:
             expectation.ends == "stopped" and (not expectation.variants or case.variant in expectation.variants)
             for expectation in self.scenario.expectations
         )
-
-
-def resolve_catalogs(scenario: ScenarioSpec) -> dict[str, Catalog]:
-    """Return the variables of all members; ScenarioError with every problem that is found without running."""
-    from twin.scenario import resolve_variables
-
-    catalogs, problems = resolve_variables(scenario)
-    if problems:
-        raise ScenarioError(problems)
-    return catalogs
 
 
 def refuse_faults(cases: Sequence[Case], hardware: Hardware | None) -> None:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from twin import clock
 from twin.errors import CouplingError, ScenarioError
-from twin.scenario.condition_checks import check_conditions, check_times
 from twin.scenario.keys import quantities
 from twin.scenario.keys.console_keys import check_console, check_controls
 from twin.scenario.keys.dimensions import check_units, expression_uses
@@ -18,6 +17,7 @@ from twin.scenario.keys.key_types import NAME
 from twin.scenario.resolution.variable_names import find, inside, matching, nearest, no_element
 from twin.scenario.spec import SETTABLE
 
+READABLE = ("output", "local")  # causalities of what a condition may read
 MOST_STEPS = 1e12  # of a run; a fast machine computes 1e7 steps per second
 
 if TYPE_CHECKING:
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from twin.component import Component
     from twin.coupling import Catalog
     from twin.results import Expression
-    from twin.scenario.event_specs import EventSpec
+    from twin.scenario.keys.conditions import Comparison
     from twin.scenario.keys.schema import ScenarioKeys
-    from twin.scenario.spec import Case, MemberSpec, ScenarioSpec
+    from twin.scenario.spec import Case, EventSpec, MemberSpec, ScenarioSpec
     from twin.scenario.yaml_files.yaml_node import Node
 
 
@@ -219,7 +219,7 @@ def check_against(
     for case in scenario.variants:
         problems += check_values(case, catalogs[case.variant], classes)
     try:
-        all_catalogs = {variant: {**catalog, **scenario.derived(variant)} for variant, catalog in catalogs.items()}
+        all_catalogs = scenario.with_derived(catalogs)
     except ScenarioError as error:
         return [*problems, *error.problems]
     problems += check_names(scenario, all_catalogs) + check_units(scenario, all_catalogs) + check_rows(scenario)
@@ -348,3 +348,38 @@ def event_problems(event: EventSpec, catalog: Catalog, targets: set[str]) -> lis
     if event.variable in targets:
         return [f"{event.where}: {event.variable} is connected and would be written over. Override its source instead."]
     return []
+
+
+def check_times(case: Case) -> list[str]:
+    """Report conditions that are not evaluated before the end of the run."""
+    return [
+        f"{condition.tree.find(('after',)).location}: after {clock.text(condition.after_ns)} is not before the end of the run, "
+        f"{clock.text(case.stop_ns)}. Change it or stop_time."
+        for condition in case.conditions
+        if condition.after_ns is not None and condition.after_ns >= case.stop_ns
+    ]
+
+
+def check_conditions(case: Case, catalog: Catalog) -> list[str]:
+    """Report signals of conditions that are no outputs, and values without a comparison that are no Booleans."""
+    return [
+        f"{condition.where}: {problem}"
+        for condition in case.conditions
+        for comparison in condition.condition.comparisons
+        for problem in comparison_problems(comparison, catalog)
+    ]
+
+
+def comparison_problems(comparison: Comparison, catalog: Catalog) -> Iterable[str]:
+    """Yield the problems of a comparison; unknown names are reported with those of all expressions."""
+    for signal in comparison.expression.signals:
+        try:
+            variable, _ = find(str(signal), catalog)
+        except CouplingError:
+            continue
+        kind = "an input" if variable.causality == "input" else f"a {variable.causality}"
+        if variable.causality not in READABLE:
+            advice = "Name the output that it is connected to" if variable.causality == "input" else "Name an output"
+            yield f"{signal} is {kind}: conditions read outputs. {advice}."
+        elif comparison.is_boolean and variable.type != "Boolean":
+            yield f"{signal} is {variable.type}, neither true nor false. Compare it, as in {signal} > 0."

@@ -11,7 +11,6 @@ from twin.coupling import Algorithm
 from twin.errors import ScenarioError
 from twin.results import check_sentence
 from twin.scenario import check
-from twin.scenario.event_specs import ConditionSpec, EventSpec, FaultSpec
 from twin.scenario.keys import former_names, metric_keys
 from twin.scenario.keys.schema import RunKeys
 from twin.scenario.keys.validation_messages import by_line, validate
@@ -20,8 +19,11 @@ from twin.scenario.resolution.variable_resolution import resolve_variables
 from twin.scenario.scenario_paths import located
 from twin.scenario.spec import (
     Case,
+    ConditionSpec,
     ConnectionSpec,
+    EventSpec,
     Exchange,
+    FaultSpec,
     MemberSpec,
     RecordSpec,
     ScenarioSpec,

@@ -185,7 +185,7 @@ def preferred(measured: dimension.Measure, variables: Variables) -> str:
 
 def displayed(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> ScenarioSpec:
     """Return the scenario with display units for metrics, expectations and plots that declare none."""
-    all_catalogs = {variant: {**catalog, **scenario.derived(variant)} for variant, catalog in catalogs.items()}
+    all_catalogs = scenario.with_derived(catalogs)
 
     def common_unit(expressions: Sequence[Expression], variants: tuple[str, ...]) -> str:
         """Return the display unit of the first expression if all have the same dimension."""
