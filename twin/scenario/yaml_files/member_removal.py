@@ -30,6 +30,7 @@ def remove_members(root: Node, names: list[str]) -> Node:
     def without_ends(connection: Node) -> Node | None:
         return None if any(is_removed(connection.get(key).value) for key in ("from", "to")) else connection
 
+    convert: dict[str, Callable[[Node], Node | None]]
     convert = {"connections": without_ends, "events": partial(remove_from_event, is_removed=is_removed)}
     return root | {key: root.entries[key].map(convert[key]) for key in convert if key in root.entries}
 
