@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -127,6 +126,8 @@ def resolve_catalogs(scenario: ScenarioSpec) -> dict[str, Catalog]:
 
 def advise_names(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog], problems: Sequence[str]) -> list[str]:
     """Return a line for each FMU that lacks variables which the scenario names: how `names` maps them to the FMU's own."""
+    from difflib import get_close_matches
+
     lines = []
     for case in scenario.variants:
         for name, member in case.members.items():
