@@ -24,7 +24,7 @@ from twin.fmi import simulate as run_alone
 from twin.scenario import has_source, load_scenario, part
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     import pandas as pd
 
@@ -73,7 +73,7 @@ def simulate(
                 record=tuple(as_list(record)),
             )
             inputs = table(input, member) if input is not None else None
-            outcome = run_alone(member, planned, inputs, progress=partial(share, path.stem))
+            outcome = run_alone(member, planned, inputs, progress=partial(report_progress, share, path.stem))
         finally:
             member.close()
         results = table_of(outcome.results)
@@ -84,6 +84,11 @@ def simulate(
             error.results = results
             raise error
     return results
+
+
+def report_progress(share: Callable[[str, float], object], name: str, part: float) -> None:
+    """Report the progress of a run."""
+    share(name, part)
 
 
 def table_of(results: Results) -> pd.DataFrame:

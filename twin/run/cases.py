@@ -15,15 +15,43 @@ from twin.errors import DeclarationError, ScenarioError
 from twin.results import Evaluation, HardwareTermination, Signals
 from twin.results import run_folder as results
 from twin.run.conditions import apply_event, conditions_of
-from twin.scenario import Backend, members, resolve_catalogs  # noqa: F401 - a name of twin.run
+from twin.scenario import Backend, members
 
 if TYPE_CHECKING:
     from twin.coupling import Catalog, Member, Recorder
-    from twin.run.checkpoint import CaseCheckpoints
     from twin.run.step_refinement import StepRefinement
     from twin.scenario import Case, EventSpec, ScenarioSpec
 
 Progress = Callable[[str, float], object]  # name of the case, completed fraction (0 to 1)
+
+
+class StartPoint(Protocol):
+    """State of a case at a time, from which another process or case continues."""
+
+    @property
+    def time_ns(self) -> clock.Time:
+        """Simulated time [ns]."""
+
+    @property
+    def met(self) -> tuple[tuple[clock.Time, int], ...]:
+        """Time [ns] and index of each condition that was met."""
+
+
+class CaseStates(Protocol):
+    """States of a case: the one that it continues from, and those that are saved on the way."""
+
+    @property
+    def start(self) -> StartPoint | None:
+        """State to continue from; None: the case runs from its begin."""
+
+    def next_time(self, now: clock.Time) -> clock.Time | None:
+        """Return the next time after `now` [ns] at which the state is saved; None if there is none."""
+
+    def restore(self, cosimulation: CoSimulation) -> None:
+        """Restore the state to continue from."""
+
+    def write(self, cosimulation: CoSimulation) -> None:
+        """Save the state at the communication point reached."""
 
 
 class BusValues(Protocol):
@@ -122,6 +150,16 @@ class RunResult:
         )
 
 
+def resolve_catalogs(scenario: ScenarioSpec) -> dict[str, Catalog]:
+    """Return the variables of all members; ScenarioError with every problem that is found without running."""
+    from twin.scenario import resolve_variables
+
+    catalogs, problems = resolve_variables(scenario)
+    if problems:
+        raise ScenarioError(problems)
+    return catalogs
+
+
 def refuse_faults(cases: Sequence[Case], hardware: Hardware | None) -> None:
     """Raise ScenarioError for faults without simulated drives."""
     if hardware is not None and hardware.takes_faults:
@@ -179,7 +217,7 @@ def build_simulation(
         raise
 
 
-def run_case(case: Case, cosimulation: CoSimulation, progress: Progress, states: CaseCheckpoints | None = None) -> None:
+def run_case(case: Case, cosimulation: CoSimulation, progress: Progress, states: CaseStates | None = None) -> None:
     """Run a case with its events to its stop: from its start, or from a saved state. `states`: that one, and those to save."""
     duration = max(1, case.stop_ns - case.start_ns)
     catalog = {name: member.variables for name, member in cosimulation.members.items()}

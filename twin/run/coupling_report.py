@@ -13,7 +13,8 @@ import numpy as np
 from twin import clock
 from twin.coupling import Algorithm, Growth, Stopwatch, growth
 from twin.errors import CouplingError, SimulationError
-from twin.run.cases import Progress, apply_event, build_simulation, noop
+from twin.run.cases import Progress, build_simulation, noop
+from twin.run.conditions import apply_event
 from twin.scenario import Backend, members
 from twin.structure import CostProfile, Structure, profiled, short_name, structure
 

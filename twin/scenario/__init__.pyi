@@ -41,7 +41,6 @@ from .members import Backend as Backend
 from .members import has_source as has_source
 from .members import make as make
 from .resolution.variable_names import nearest as nearest
-from .resolution.variable_resolution import resolve_catalogs as resolve_catalogs
 from .resolution.variable_resolution import resolve_variables as resolve_variables
 from .spec import Case as Case
 from .spec import ConditionSpec as ConditionSpec

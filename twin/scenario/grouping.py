@@ -8,7 +8,7 @@ from twin.coupling import GroupMember, ResolvedConnection, compose, direct_follo
 from twin.errors import CouplingError, ScenarioError, nearest
 from twin.graph import ordered_groups, reached
 from twin.scenario.members import class_of, communication, component_of, whole_nanoseconds
-from twin.scenario.resolution.variable_resolution import resolve_catalogs
+from twin.scenario.resolution.variable_resolution import resolve_variables
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -70,7 +70,9 @@ def part(
         hint = nearest(group_name, scenario.groups) if scenario.groups else "Name it under `groups`, or give --members."
         raise ScenarioError(f"{scenario.path}: there is no group `{group_name}`. {hint}")
     members = list(scenario.groups[group_name]) if group_name else list(member_names)
-    catalogs = resolve_catalogs(scenario)
+    catalogs, problems = resolve_variables(scenario)
+    if problems:
+        raise ScenarioError(problems)
     case = scenario.cases([variant] if variant else [])[0]
     return group(group_name or "_".join(members)[:60], case, catalogs[case.variant], members)
 

@@ -18,7 +18,7 @@ from twin import clock, fmi, installed, ssp
 from twin.component import PythonComponent
 from twin.errors import ScenarioError, TwinError
 from twin.scenario import members, ssp_reader
-from twin.scenario.resolution.variable_resolution import resolve_catalogs
+from twin.scenario.resolution.variable_resolution import resolve_variables
 from twin.scenario.ssp_extra import connection_keys, experiment, extra_yaml, member_keys
 
 if TYPE_CHECKING:
@@ -67,7 +67,9 @@ def pack(
     needs_python: bool = False,
 ) -> list[str]:
     """Write one variant as an SSP and return notes on what other tools ignore; ScenarioError lists what prevents it."""
-    catalogs = resolve_catalogs(scenario)
+    catalogs, problems = resolve_variables(scenario)
+    if problems:
+        raise ScenarioError(problems)
     case = scenario.cases([variant] if variant else [])[0]
     variables = catalogs[case.variant]
     fmus = build_fmus(case, version, build, platforms, needs_python)

@@ -32,7 +32,8 @@ class ResolvedControl:
 
 def check_console(scenario: ScenarioSpec) -> list[str]:
     """Check controls without variables: variants that do not exist, keys or buttons assigned twice."""
-    problems, control_by_device = [], {}
+    problems: list[str] = []
+    control_by_device: dict[tuple[str, Any], ControlKeys] = {}
     variant_names = [case.variant for case in scenario.variants]
     for i, control in enumerate(scenario.console):
         where = location(scenario, "controls", i)

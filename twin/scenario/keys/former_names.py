@@ -62,7 +62,7 @@ def renamer(trees: Iterable[Node], classes: Mapping[str, type[Component]]) -> Ca
 
     notes: list[str] = []
 
-    def present(text: str, location: SourceLocation, owner: str = "") -> str:
+    def renamed(text: str, location: SourceLocation, owner: str = "") -> str:
         """Return a key or a value with present names; the first change is logged. `owner`: of the parameter that a key is."""
         prefix = f"{owner}." * bool(owner)
         new = pattern.sub(lambda match: paths[match[0]], f"{prefix}{text}").removeprefix(prefix)
@@ -78,13 +78,13 @@ def renamer(trees: Iterable[Node], classes: Mapping[str, type[Component]]) -> Ca
         if isinstance(node.value, list):
             return node.map(lambda item: rename(item, path))
         if isinstance(node.value, str):
-            return Node(present(node.value, node.location), node.location)
+            return Node(renamed(node.value, node.location), node.location)
         owner = path[-2] if path[-1:] == ("parameters",) and path[-3:-2] == ("members",) else ""
         names = by_component.get(path[-1], {}) if path[-2:-1] == ("parameter_sets",) else {}
         entries = {}
         for key, item in node.entries.items():
             known = names.get(key)
-            new = note(key, known, item.location) if known else present(key, item.location, owner)
+            new = note(key, known, item.location) if known else renamed(key, item.location, owner)
             entries[new] = item if key in TEXTS else rename(item, (*path, key))
         return Node(entries, node.location) if isinstance(node.value, dict) else node
 

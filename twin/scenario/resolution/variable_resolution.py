@@ -116,14 +116,6 @@ def resolve_variables(scenario: ScenarioSpec, *, imports: bool = True) -> tuple[
     return catalogs, list(problems)
 
 
-def resolve_catalogs(scenario: ScenarioSpec) -> dict[str, Catalog]:
-    """Return the variables of all members; ScenarioError with every problem that is found without running."""
-    catalogs, problems = resolve_variables(scenario)
-    if problems:
-        raise ScenarioError(problems)
-    return catalogs
-
-
 def advise_names(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog], problems: Sequence[str]) -> list[str]:
     """Return a line for each FMU that lacks variables which the scenario names: how `names` maps them to the FMU's own."""
     from difflib import get_close_matches
