@@ -157,7 +157,7 @@ def test_parts_of_a_page():
         "<p>&lt;</p>",
         "<h4>&lt;</h4>",
     )
-    assert [notebook.short(name) for name in ("a/b/rig.yaml#rig@fast", "heart", "a/b.fmu")] == [
+    assert [notebook.short_name(name) for name in ("a/b/rig.yaml#rig@fast", "heart", "a/b.fmu")] == [
         "rig.yaml#rig@fast",
         "heart",
         "b.fmu",

@@ -354,8 +354,8 @@ def test_summary(native: Path, capsys: pytest.CaptureFixture[str]) -> None:
     member = FMUMember("part", native)
     summarize(simulate(member, plan(member)).results)
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].split() == ["variable", "min", "max", "final", "unit"]
-    assert lines[2].split() == ["y[2]", "0", "2", "2", "m"]
+    assert lines[1].split() == ["variable", "min", "max", "final", "unit"]
+    assert lines[4].split() == ["y[2]", "0", "2", "2", "m"]
 
 
 def test_bar_is_patient() -> None:

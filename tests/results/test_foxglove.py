@@ -9,7 +9,7 @@ import pytest
 from tests.viewer.recorded import COUNT, FORCE, PLACE, SHAPE, TOUCH, folder_of, wave
 from twin.errors import TwinError
 from twin.results import export, list_recorded_variables
-from twin.results.mcap_export import split_by_case
+from twin.results.exporters import split_by_case
 
 reader = pytest.importorskip("mcap.reader")
 

@@ -54,7 +54,10 @@ WRONG = {
     "a range of a bit": ("command.pressed, range: 1", "command.pressed is true or false. Leave `range` out."),
     "along what is none": ("command.pressed, along: {command.held: 1}", "command.held is output, not an input."),
     "along nonsense": ("command.pressed, along: {command.live: 1}", "command.live: expected true or false, not 1."),
-    "three keys": ("command.pressed, keys: [a, b, c]", "console.controls[1].keys"),
+    "three keys": (
+        "command.pressed, keys: [a, b, c]",
+        "console.controls[1].keys: expected at most 2 values, not a list.",
+    ),
     "a stick": ("command.pressed, stick: z", "console.controls[1].stick: `z` is not known."),
     "a dead zone": ("command.pressed, dead_zone: 100 %", "console.controls[1].dead_zone"),
     "an unknown key": ("command.pressed, gain: 2", "console.controls[1]: unknown key `gain`."),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -383,10 +384,16 @@ def test_arrays_are_recorded_by_element() -> None:
 
 
 def test_limits_of_metrics_that_are_left_out() -> None:
-    items = [{"metric": "a"}, {"metric": "b"}, {"signal": "c.d"}]
-    assert ssp_extra.without_missing(tree(items), tree({"a": 1})).plain() == [items[0], items[2]]
-    assert ssp_extra.without_missing(tree(items), None).plain() == [items[2]]
-    assert ssp_extra.without_missing(tree({"1": items[1], "2": items[2]}), tree({})).plain() == {"2": items[2]}
+    expect = [{"metric": "a"}, {"metric": "b"}, {"signal": "c.d"}]
+    root = tree({"metrics": {"a": {"signal": "m.x"}, "b": {"signal": "m.y"}}, "expect": expect})
+    case: Any = SimpleNamespace(variant="base", actions=(), members={})
+    extra, _ = ssp_extra.extra_keys(root, case, {"m.y"}, "title")
+    assert extra["expect"].plain() == [expect[0], expect[2]]
+    extra, _ = ssp_extra.extra_keys(root.without("metrics"), case, set(), "title")
+    assert extra["expect"].plain() == [expect[2]]
+
+
+def test_names_of_an_entry() -> None:
     assert (ssp_extra.names(tree("PI")), ssp_extra.names(tree(["PI", 1]))) == (["PI"], ["PI", "1"])
 
 

@@ -150,12 +150,12 @@ def test_the_slots_of_a_line():
     slots = {name: Slot(name) for name in "abc"}
     layers = [[slots["a"]], [slots["b"]], [slots["c"]]]
     depth = {"a": 0, "b": 1, "c": 2}
-    first, passing, last = picture.route(("c", "a"), True, depth, slots, layers)
+    first, passing, last = picture.route(("c", "a"), True, depth, slots, layers).slots
     assert (first, last, passing.member) == (slots["a"], slots["c"], "")
     assert layers[1] == [slots["b"], passing]
     assert (first.behind, passing.before) == ([(passing, ("c", "a"))], [(first, ("c", "a"))])
     assert (passing.behind, last.before) == ([(last, ("c", "a"))], [(passing, ("c", "a"))])
-    assert picture.route(("a", "b"), False, depth, slots, layers) == [slots["a"], slots["b"]]
+    assert picture.route(("a", "b"), False, depth, slots, layers).slots == [slots["a"], slots["b"]]
     assert (first.half, passing.half) == (29, 5)
 
 

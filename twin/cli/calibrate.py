@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from twin.cli.options import force_option, refuse_existing
-from twin.cli.terminal import make_table, open_console, say
+from twin.cli.terminal import say, show_table
 from twin.errors import ScenarioError, TwinError
 
 if TYPE_CHECKING:
@@ -81,15 +81,10 @@ def show(result: calibration.Calibration) -> None:
     """Print how well each form fits, and the parameters with their standard errors."""
     from twin.results import calibration_report
 
-    fits = make_table("fit", "is", "RMSE\n[mm]", "range\n[mm]", "noise\n[mm]", "rows\nused", "R2", left=2)
-    for name, fit in result.fits.items():
-        fits.add_row(name, *calibration_report.fit_cells(fit))
-    parameters = make_table("parameter", "value", "standard error", left=1)
-    for row in calibration_report.parameter_rows(result):
-        parameters.add_row(*row)
-    open_console().print(fits)
+    titles = ["fit", "is", "RMSE\n[mm]", "range\n[mm]", "noise\n[mm]", "rows\nused", "R2"]
+    show_table(titles, [(name, *calibration_report.fit_cells(fit)) for name, fit in result.fits.items()], 2)
     say(calibration_report.TERMS)
-    open_console().print(parameters)
+    show_table(["parameter", "value", "standard error"], calibration_report.parameter_rows(result), 1)
 
 
 def read_aliases(path: Path) -> dict[str, dict[str, tuple[str, str]]]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from twin.cli.options import signal_option
-from twin.cli.terminal import make_table, open_console, say, show_text
+from twin.cli.terminal import say, show_table, show_text
 
 MAX_LISTED = 20  # signals, and other differences, without --all
 MAX_NAMES = 6  # names in a line without --all
@@ -69,14 +69,18 @@ def command(
         say(f"and {len(comparison.problems) - MAX_LISTED} more: use --all")
     differing = comparison.differing
     if differing:
-        from rich.text import Text
-
         several = len({(signal.variant, signal.seed) for signal in comparison.signals}) > 1
-        table = make_table("signal", *["case"] * several, "difference", "from", "relative", left=1 + several)
-        for signal in differing if everything else differing[:MAX_LISTED]:
-            case = [f"{signal.variant}, seed {signal.seed}"] * several
-            table.add_row(*map(Text, (signal.name, *case, signal.text, f"{signal.time:.6g} s", f"{signal.part:.2g}")))
-        open_console().print(table)
+        rows = [
+            [
+                each.name,
+                *[f"{each.variant}, seed {each.seed}"] * several,
+                each.text,
+                f"{each.time:.6g} s",
+                f"{each.part:.2g}",
+            ]
+            for each in (differing if everything else differing[:MAX_LISTED])
+        ]
+        show_table(["signal", *["case"] * several, "difference", "from", "relative"], rows, 1 + several)
         if len(differing) > MAX_LISTED and not everything:
             say(f"and {len(differing) - MAX_LISTED} more: use --all")
     if not comparison.agrees:

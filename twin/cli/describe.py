@@ -11,7 +11,7 @@ import click
 
 from twin.cli import completion
 from twin.cli.options import filter_option
-from twin.cli.terminal import make_table, open_console, say, show_elapsed, show_text
+from twin.cli.terminal import say, show_elapsed, show_table, show_text
 from twin.errors import TwinError, nearest
 
 if TYPE_CHECKING:
@@ -226,14 +226,7 @@ def unit(variable: Variable | MemberVariable) -> str:
 
 def print_table(title: str, rows: Iterable[tuple[str, str, str, str]], last: str = TITLES[-1]) -> None:
     """Print rows under a title, without empty columns."""
-    from rich.text import Text
-
-    rows = list(rows)
-    if not rows:
-        return
-    titles = (title, *TITLES[:-1], last)
-    used = [column for column in range(len(titles)) if any(row[column] for row in rows)]
-    table = make_table(*(titles[column] for column in used), left=len(used))
-    for row in rows:
-        table.add_row(*(Text(row[column]) for column in used))
-    open_console().print(table)
+    columns = zip((title, *TITLES[:-1], last), *rows, strict=True)
+    if used := [column for column in columns if any(column[1:])]:
+        titles, *used_rows = zip(*used, strict=True)
+        show_table(titles, used_rows, len(titles))

@@ -12,7 +12,7 @@ import click
 from twin.cli.follow_page import PageOptions, serve
 from twin.cli.options import build_option, duration_option, no_open_option, port_option, runs_option
 from twin.cli.progress import ProgressBar
-from twin.cli.terminal import make_table, open_console, say, show_text
+from twin.cli.terminal import open_console, say, show_table, show_text
 from twin.errors import SimulationError
 from twin.installed import import_optional
 
@@ -140,18 +140,15 @@ def show(
     from twin.follow import remarks
     from twin.results import format_value, si_conversion
 
-    console, last = open_console(), estimates[-1]
-    console.print(problem.title, style="bold")
-    table = make_table("estimate", "value", "standard deviation", left=1)
+    last = estimates[-1]
+    open_console().print(problem.title, style="bold")
+    rows = []
     for variable, value, deviation in zip(problem.estimates, last.values, last.deviations, strict=True):
         factor, offset = si_conversion(variable.unit)
         shown = variable.display_unit or variable.unit
-        table.add_row(
-            variable.name,
-            format_value(value * factor + offset, shown),
-            format_value(deviation * factor, shown, is_difference=True),
-        )
-    console.print(table)
+        spread = format_value(deviation * factor, shown, is_difference=True)
+        rows.append([variable.name, format_value(value * factor + offset, shown), spread])
+    show_table(["estimate", "value", "standard deviation"], rows, 1)
     for alarm in alarms:
         show_text(
             f"{alarm.name}, since {alarm.onset:.1f} s, with a probability of {100 * alarm.probability:.1f} %; "

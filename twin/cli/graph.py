@@ -9,7 +9,7 @@ import click
 
 from twin.cli import completion
 from twin.cli.options import overrides_option, picture_option, variant_option
-from twin.cli.terminal import make_table, open_console, say, show_elapsed
+from twin.cli.terminal import say, show_elapsed, show_table
 from twin.errors import ScenarioError, nearest
 
 if TYPE_CHECKING:
@@ -74,19 +74,19 @@ def analyze(case: Case, catalog: Catalog) -> Structure:
 
 def show(structure: Structure) -> None:
     """Print members and connections."""
-    from rich.text import Text
-
     from twin import clock
 
-    members = make_table("member", "component", "order", "period", "direct feedthrough", left=2)
-    members.columns[-1].justify = "left"
-    for part in structure.parts:
-        feedthrough = "; ".join(f"{output}: {', '.join(inputs)}" for output, inputs in part.feedthrough)
-        members.add_row(*map(Text, (part.name, part.component, str(part.rank), clock.text(part.period), feedthrough)))
-    connections = make_table("from", "to", "values", "delay", left=2)
-    for wire in structure.wires:
-        connections.add_row(*map(Text, (wire.source, wire.target, str(wire.values), wire.delay)))
-    console = open_console()
-    console.print(members)
-    console.print(connections)
+    members = [
+        [
+            part.name,
+            part.component,
+            str(part.rank),
+            clock.text(part.period),
+            "; ".join(f"{output}: {', '.join(inputs)}" for output, inputs in part.feedthrough),
+        ]
+        for part in structure.parts
+    ]
+    show_table(["member", "component", "order", "period", "direct feedthrough"], members, 2, texts=1)
+    wires = [[wire.source, wire.target, str(wire.values), wire.delay] for wire in structure.wires]
+    show_table(["from", "to", "values", "delay"], wires, 2)
     say(structure.summary)

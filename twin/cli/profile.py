@@ -19,7 +19,7 @@ from twin.cli.options import (
     variant_option,
 )
 from twin.cli.progress import ProgressBar
-from twin.cli.terminal import make_table, open_console, say, show_elapsed
+from twin.cli.terminal import say, show_elapsed, show_table
 
 if TYPE_CHECKING:
     from twin.structure import CostProfile
@@ -68,14 +68,17 @@ def command(
 
 def show(profile: CostProfile) -> None:
     """Print the table of computing times."""
-    from rich.text import Text
-
-    table = make_table("member", "component", "per own step", "per communication step", "share", left=2)
-    for cost in profile.costs:
-        step = f"{cost.step * 1e6:.3f} us" if cost.step else "-"
-        texts = (cost.name, cost.what, step, f"{cost.per_tick * 1e6:.3f} us", f"{cost.share:.1%}".replace("%", " %"))
-        table.add_row(*map(Text, texts))
-    open_console().print(table)
+    rows = [
+        [
+            cost.name,
+            cost.what,
+            f"{cost.step * 1e6:.3f} us" if cost.step else "-",
+            f"{cost.per_tick * 1e6:.3f} us",
+            f"{100 * cost.share:.1f} %",
+        ]
+        for cost in profile.costs
+    ]
+    show_table(["member", "component", "per own step", "per communication step", "share"], rows, 2)
     say(
         f"A communication step of {profile.step * 1e3:g} ms takes {profile.per_tick * 1e6:.2f} us: "
         f"{profile.real_time_factor:.0f} times real time. {profile.sampled_steps} steps measured; {profile.overhead * 1e9:.0f} ns per "

@@ -25,7 +25,7 @@ from twin.cli.options import (
     verbose_option,
 )
 from twin.cli.progress import ProgressBar
-from twin.cli.terminal import NO_BREAK_SPACE, open_console, say, show_elapsed, show_text
+from twin.cli.terminal import open_console, say, show_elapsed, show_outcome, show_text
 from twin.errors import TwinError
 from twin.process import supervise
 
@@ -353,10 +353,7 @@ def show_verdict(outcome: RunResult, report: bool) -> None:
     counts, end = (f"{met} of {judged} ", " ") if word == "PASS" else ("", " ")
     if met < judged and word != "PASS":
         counts, end = f"{judged - met} of {judged} requirements failed, ", ": "
-    results = f"Report: {outcome.folder / 'report.html'}" if report else f"Results: {outcome.folder / 'summary.json'}"
     folder = "latest" if outcome.folder.parent.parent == Path("runs") else str(outcome.folder)
-    style = {"PASS": "bold green", "DONE": "bold"}.get(word, "bold red")
-    if summary.get("hardware", {}).get("dry_run"):
-        word = f"DRY RUN, drives have not moved: {word}"
-    locations = [text.replace(" ", NO_BREAK_SPACE) for text in (results, f"Look: twin view {folder}")]
-    show_text(f"{counts}in {run.wall_time:.3g} s{speed}. {'  '.join(locations)}", f"{word}{end}", style)
+    prefix = "DRY RUN, drives have not moved: " * bool(summary.get("hardware", {}).get("dry_run"))
+    text, file = f"{counts}in {run.wall_time:.3g} s{speed}.", "report.html" if report else "summary.json"
+    show_outcome(word, text, outcome.folder / file, f"twin view {folder}", prefix=prefix, end=end)

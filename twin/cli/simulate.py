@@ -12,13 +12,11 @@ import click
 from twin import clock
 from twin.cli.options import timeout_option
 from twin.cli.progress import DelayedBar
-from twin.cli.terminal import open_console, say, show_elapsed
+from twin.cli.terminal import say, show_elapsed, show_table
 from twin.errors import FMUError, SimulationError
 from twin.process import supervise
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from twin.fmi import FMUMember, Results
 
 
@@ -193,15 +191,9 @@ def parse_start_values(start_values: tuple[str, ...]) -> dict[str, str]:
 
 def summarize(results: Results) -> None:
     """Print minimum, maximum and final value of every recorded number."""
-    from rich.table import Table
-
-    table = Table(box=None)
-    table.add_column("variable", overflow="fold")
-    for title in ("min", "max", "final"):
-        table.add_column(title, justify="right", overflow="fold")
-    table.add_column("unit", overflow="fold")
+    rows = []
     for name, variable, column in results.columns():
-        text: Callable[[Any], str] = str if variable.dtype.kind == "O" else lambda value: f"{value:.6g}"
-        ends = ("", "") if variable.dtype.kind == "O" else (text(column.min()), text(column.max()))
-        table.add_row(name, *ends, text(column[-1]), variable.unit)
-    open_console().print(table)
+        is_text = variable.dtype.kind == "O"
+        ends = ["", "", str(column[-1])] if is_text else [f"{x:.6g}" for x in (column.min(), column.max(), column[-1])]
+        rows.append([name, *ends, variable.unit])
+    show_table(["variable", "min", "max", "final", "unit"], rows, 1, texts=1)

@@ -14,7 +14,7 @@ import click
 from twin.cli import completion
 from twin.cli.options import build_option, no_report_option, runs_option, timeout_option
 from twin.cli.progress import ProgressBar
-from twin.cli.terminal import NO_BREAK_SPACE, make_table, open_console, say, show_elapsed, show_text
+from twin.cli.terminal import open_console, say, show_elapsed, show_outcome, show_table, show_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -156,10 +156,8 @@ def duration(seconds: float) -> str:
 def show_estimate(study: Study, estimate: TimeEstimate) -> None:
     """Print the extent of a study and what it will take."""
     say(extent(study))
-    table = make_table("variant", "cases", "time of a case", left=1)
-    for variant, count in estimate.counts.items():
-        table.add_row(variant, f"{count:,}", f"{estimate.seconds[variant]:.3g} s")
-    open_console().print(table)
+    rows = [[name, f"{count:,}", f"{estimate.seconds[name]:.3g} s"] for name, count in estimate.counts.items()]
+    show_table(["variant", "cases", "time of a case"], rows, 1)
     for why in estimate.failures:
         say(f"did not finish: {why}")
     processes = f"{estimate.workers} process{'es' * (estimate.workers > 1)}"
@@ -189,11 +187,11 @@ def show(outcome: StudyOutcome, answers: Answers) -> int | None:
     console = open_console()
     console.print(outcome.study.title, style="bold")
     if answers.changes:
-        show_changes(answers, console)
+        show_changes(answers)
     elif answers.spreads:
         show_distributions(outcome, answers, console)
     if answers.shares:
-        show_pass_rates(outcome, answers, console)
+        show_pass_rates(outcome, answers)
     sentences = headline(answers, outcome.worst, outcome.tuned)
     named = {sentence.case for sentence in sentences}
     for cluster in answers.clusters[:MAX_FAILURES]:
@@ -206,7 +204,7 @@ def show(outcome: StudyOutcome, answers: Answers) -> int | None:
             f"such as case {cluster.cases[0]}"
         )
     for sentence in sentences:
-        show_text(sentence.text.replace(" %", f"{NO_BREAK_SPACE}%"))
+        show_text(sentence.text.replace(" %", "\N{NO-BREAK SPACE}%"))
     return next((sentence.case for sentence in sentences if sentence.case is not None), None)
 
 
@@ -227,11 +225,8 @@ def show_verdict(outcome: StudyOutcome, answers: Answers, file: str, named: int 
     failing = [cluster.cases[0] for cluster in answers.clusters]
     number = named or next(iter([*outcome.runs, *failing, 1]))
     look = open_command(name, number, outcome.runs)
-    label = "Report" if file.endswith(".html") else "Results"
-    locations = [text.replace(" ", NO_BREAK_SPACE) for text in (f"{label}: {outcome.folder / file}", f"Look: {look}")]
     seconds = f"{outcome.seconds:.3g} s" if outcome.seconds < 100 else f"{outcome.seconds:.0f} s"
-    style = {"PASS": "bold green", "DONE": "bold"}.get(word, "bold red")
-    show_text(f"{count} cases in {seconds}{rate}. {'  '.join(locations)}", f"{word} ", style)
+    show_outcome(word, f"{count} cases in {seconds}{rate}.", outcome.folder / file, look)
 
 
 def show_distributions(outcome: StudyOutcome, answers: Answers, console: Console) -> None:
@@ -250,23 +245,23 @@ def show_distributions(outcome: StudyOutcome, answers: Answers, console: Console
     console.print(table)
 
 
-def show_pass_rates(outcome: StudyOutcome, answers: Answers, console: Console) -> None:
+def show_pass_rates(outcome: StudyOutcome, answers: Answers) -> None:
     """Print in how many cases each expectation is met."""
     from twin.study import percent
 
     interval = f"{percent(outcome.study.keys.confidence)} confidence"
     has_intervals = any(map(answers.interval, answers.shares))
-    table = make_table("expectation", "variant", "pass rate", *[interval] * has_intervals, left=2)
-    for share in answers.shares:
-        intervals = [answers.interval(share)] * has_intervals
-        table.add_row(share.name, share.variant, percent(share.part), *intervals)
-    console.print(table)
+    rows = [
+        [share.name, share.variant, percent(share.part), *[answers.interval(share)] * has_intervals]
+        for share in answers.shares
+    ]
+    show_table(["expectation", "variant", "pass rate", *[interval] * has_intervals], rows, 2)
 
 
-def show_changes(answers: Answers, console: Console) -> None:
+def show_changes(answers: Answers) -> None:
     """Print the effects of one factor at a time."""
-    table = make_table("change", "metric", "from", "to", left=2)
-    for change in answers.changes:
-        before, after = (answers.metric(change.metric, value) for value in (change.before, change.now))
-        table.add_row(answers.change(change), change.metric, before, after)
-    console.print(table)
+    rows = [
+        [answers.change(each), each.metric, *(answers.metric(each.metric, value) for value in (each.before, each.now))]
+        for each in answers.changes
+    ]
+    show_table(["change", "metric", "from", "to"], rows, 2)

@@ -17,11 +17,13 @@ import click
 from twin.errors import printable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
+    from pathlib import Path
 
     from rich.console import Console
     from rich.progress import Progress
     from rich.table import Table
+    from rich.text import Text
 
 UNLIMITED = 10_000  # columns
 NO_BREAK_SPACE = "\N{NO-BREAK SPACE}"
@@ -84,6 +86,14 @@ def show_text(text: str, label: str = "", style: str = "") -> None:
         console.print(Text.assemble((label, style) if i == 0 else indent, words), soft_wrap=True)
 
 
+def show_outcome(word: str, text: str, file: Path, command: str, *, prefix: str = "", end: str = " ") -> None:
+    """Print the last line of a run: a word in its color, a text, and where to look: a report or results, and a command."""
+    label = "Report" if file.suffix == ".html" else "Results"
+    locations = [place.replace(" ", NO_BREAK_SPACE) for place in (f"{label}: {file}", f"Look: {command}")]
+    style = {"PASS": "bold green", "DONE": "bold"}.get(word, "bold red")
+    show_text(f"{text} {'  '.join(locations)}", f"{prefix}{word}{end}", style)
+
+
 def make_table(*titles: str, left: int) -> Table:
     """Return an empty table whose first `left` columns are aligned to the left, the others to the right."""
     from rich import box
@@ -93,6 +103,19 @@ def make_table(*titles: str, left: int) -> Table:
     for i, title in enumerate(titles):
         table.add_column(title, justify="left" if i < left else "right", overflow="fold")
     return table
+
+
+def show_table(titles: Iterable[str], rows: Iterable[Iterable[str | Text]], left: int, *, texts: int = 0) -> None:
+    """Print a table whose first `left` columns, and last `texts` ones, are aligned to the left; nothing without rows."""
+    from rich.text import Text
+
+    table = make_table(*titles, left=left)
+    for row in rows:
+        table.add_row(*(Text(cell) if isinstance(cell, str) else cell for cell in row))
+    for column in table.columns[len(table.columns) - texts :]:
+        column.justify = "left"
+    if table.row_count:
+        open_console().print(table)
 
 
 def make_bar(*, err: bool = False) -> Progress:

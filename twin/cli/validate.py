@@ -11,7 +11,7 @@ import click
 
 from twin.cli.options import build_option, force_option, no_report_option, refuse_existing, restart_options
 from twin.cli.progress import ProgressBar
-from twin.cli.terminal import make_table, open_console, say
+from twin.cli.terminal import open_console, say, show_table
 
 if TYPE_CHECKING:
     from twin.validation import FrozenSet, Prediction
@@ -112,24 +112,24 @@ def show_fit(title: str, frozen: dict[str, FrozenSet]) -> None:
     console = open_console()
     for name, current in frozen.items():
         console.print(f"{title}: {name}, {current.seconds:.0f} s", style="bold")
-        table = make_table("parameter", "value", "unit", "95 % interval", left=1)
-        for key, entry in current.parameters.items():
-            low, high = entry["interval"]
-            table.add_row(key, f"{entry['value']:.6g}", entry["unit"], f"{low:.4g} to {high:.4g}")
-        console.print(table)
+        parameters = [
+            [key, f"{each['value']:.6g}", each["unit"], "{:.4g} to {:.4g}".format(*each["interval"])]
+            for key, each in current.parameters.items()
+        ]
+        show_table(["parameter", "value", "unit", "95 % interval"], parameters, 1)
         names = list(current.baselines)
-        table = make_table("left out", "quantity", "RMSE", "unit", "coverage", *names, left=2)
-        for row in current.cross_validation:
-            rivals = [f"{row.get('baselines', {}).get(key, float('nan')):.3g}" for key in names]
-            table.add_row(
+        rows = [
+            [
                 row["fold"],
                 row["quantity"],
                 f"{row['rmse']:.3g}",
                 row["unit"],
                 f"{row.get('coverage', 0):.0%}",
-                *rivals,
-            )
-        console.print(table)
+                *(f"{row.get('baselines', {}).get(key, float('nan')):.3g}" for key in names),
+            ]
+            for row in current.cross_validation
+        ]
+        show_table(["left out", "quantity", "RMSE", "unit", "coverage", *names], rows, 2)
 
 
 def show(title: str, predictions: list[Prediction]) -> None:
@@ -139,9 +139,8 @@ def show(title: str, predictions: list[Prediction]) -> None:
     names = list(
         dict.fromkeys(key for prediction in predictions for row in prediction.rows for key in row["baselines"])
     )
-    table = make_table(
-        "file", "quantity", "RMSE", "mean", "largest", "unit", "coverage", "consistent", "rezeroed", *names, left=2
-    )
+    titles = ["file", "quantity", "RMSE", "mean", "largest", "unit", "coverage", "consistent", "rezeroed", *names]
+    rows = []
     for prediction in predictions:
         for row in prediction.rows:
             rivals = [f"{row['baselines'].get(key) or float('nan'):.3g}" for key in names]
@@ -149,8 +148,8 @@ def show(title: str, predictions: list[Prediction]) -> None:
             verdict = {None: "-", True: "yes", False: "NO"}[row["consistent"]]
             numbers = [f"{row[key]:.3g}" for key in ("rmse", "mean_error", "largest")]
             rezeroed = f"{row['rezeroed_rmse']:.3g}"
-            table.add_row(row["file"], row["quantity"], *numbers, row["unit"], coverage, verdict, rezeroed, *rivals)
-    console.print(table)
+            rows.append([row["file"], row["quantity"], *numbers, row["unit"], coverage, verdict, rezeroed, *rivals])
+    show_table(titles, rows, 2)
     for prediction in predictions:
         for row in prediction.rows:
             for text in row["remarks"]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from twin.results import common_format, count_verdicts, figure_files, format_value, si_conversion
-from twin.structure import picture
+from twin.structure import picture, short_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -65,13 +65,7 @@ def system(members: Mapping[str, str], connections: Iterable[tuple[str, str]]) -
     between: dict[tuple[str, str], list[str]] = {}
     for source, target in connections:
         between.setdefault((source.partition(".")[0], target.partition(".")[0]), []).append(f"{source} → {target}")
-    return picture.draw({name: short(component) for name, component in members.items()}, between)
-
-
-def short(component: str) -> str:
-    """Return a component without the folders of its file: `rig.yaml#rig@fast`."""
-    path, mark, part = component.partition("#")
-    return f"{path.rpartition('/')[2]}{mark}{part}"
+    return picture.draw({name: short_name(component) for name, component in members.items()}, between)
 
 
 def scenario_system(scenario: ScenarioSpec) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time as wall
 import weakref
-from functools import partial
 from html import escape
 from math import inf
 from typing import TYPE_CHECKING, Any, Self
@@ -133,7 +132,7 @@ class Simulation:
                 f"advance: {clock.text(end)} is after the stop, {clock.text(self._case.stop_ns)}. Create a new simulation."
             )
 
-        report = None if progress is None else partial(report_seconds, progress)
+        report = None if progress is None else lambda time: progress(clock.seconds(time))
         try:
             while self._events and self._events[0].time_ns <= end and not self.finished:
                 self._advance_paced(self._events[0].time_ns, report)
@@ -264,11 +263,6 @@ class Simulation:
         state = self.reason or ("running" if self._close.alive else "closed")
         members = ", ".join(self._catalog)
         return f"<Simulation of {self._case.name} at {clock.text(self._simulated.time)}: {state}; members {members}>"
-
-
-def report_seconds(progress: Callable[[float], object], time: clock.Time) -> None:
-    """Report a time in seconds."""
-    progress(clock.seconds(time))
 
 
 def sourceless(classes: Iterable[type[Component] | None]) -> list[str]:

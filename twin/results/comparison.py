@@ -12,7 +12,7 @@ from twin.errors import TwinError, nearest
 from twin.installed import import_optional
 from twin.results.recording.run_folder import RecordedVariable
 from twin.results.recording.signal_reader import list_recorded_variables, read_variables
-from twin.results.recording.signals import format_value, si_conversion
+from twin.results.recording.signals import format_value
 from twin.results.resampling import common_times, excursion, resample
 from twin.results.summary_comparison import (
     MetricChange,
@@ -239,7 +239,7 @@ def largest_difference(name: str, case: tuple[str, int], a: Signals, b: Signals,
     if x.shape[1:] != y.shape[1:] or not is_convertible(unit, other):
         return Difference(*where, np.inf, np.inf)
     is_real = x.dtype.kind == "f" and y.dtype.kind == "f"
-    x, y = to_si(x, unit), to_si(y, other)
+    x, y = (signals.to_si({name})[name] for signals in (a, b))
     own_times, other_times = np.asarray(a.time), np.asarray(b.time)
     time = common_times(own_times, other_times)
     if not len(time):
@@ -267,10 +267,3 @@ def largest_difference(name: str, case: tuple[str, int], a: Signals, b: Signals,
     size = max((float(np.max(np.abs(array[np.isfinite(array)]), initial=0.0)) for array in (x, y)), default=0.0)
     part = 0.0 if value == 0 else value / size if size else np.inf
     return Difference(*where, value, part, float(time[np.argmax(distance > tolerance * size)]), unit)
-
-
-def to_si(values: Any, unit: str) -> Any:
-    """Convert values to coherent SI units, as floats; values in SI are returned unchanged."""
-    factor, offset = si_conversion(unit)
-    values = np.asarray(values, np.float64)
-    return values if (factor, offset) == (1.0, 0.0) else values * factor + offset

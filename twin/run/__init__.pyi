@@ -3,7 +3,6 @@ from .cases import Hardware as Hardware
 from .cases import Progress as Progress
 from .cases import RunResult as RunResult
 from .cases import apply_analyses as apply_analyses
-from .cases import apply_event as apply_event
 from .cases import build_simulation as build_simulation
 from .cases import load_hardware as load_hardware
 from .cases import noop as noop
@@ -11,6 +10,7 @@ from .cases import recorded_signals as recorded_signals
 from .cases import refuse_faults as refuse_faults
 from .cases import resolve_catalogs as resolve_catalogs
 from .cases import run_case as run_case
+from .conditions import apply_event as apply_event
 from .continuation import continue_run as continue_run
 from .coupling_report import case_structure as case_structure
 from .coupling_report import check_stability as check_stability

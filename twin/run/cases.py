@@ -14,7 +14,7 @@ from twin.coupling import CoSimulation, IsolatedMember, find
 from twin.errors import DeclarationError, ScenarioError
 from twin.results import Evaluation, HardwareTermination, Signals
 from twin.results import run_folder as results
-from twin.run.conditions import conditions_of
+from twin.run.conditions import apply_event, conditions_of
 from twin.scenario import Backend, members
 
 if TYPE_CHECKING:
@@ -209,7 +209,7 @@ def build_simulation(
             recorder=recorder,
             exempt=[name for name, spec in case.members.items() if not spec.finite],
             threads=case.threads,
-            conditions=conditions_of(case, variables, apply_event),
+            conditions=conditions_of(case, variables),
         )
     except BaseException:
         for instance in instances.values():
@@ -263,23 +263,6 @@ def events_before(case: Case, time_ns: clock.Time, met: Sequence[tuple[clock.Tim
     changes = [(time, action) for time, index in met for action in case.conditions[index].actions]
     changes += [(event.time_ns, event) for event in case.events if event.time_ns < time_ns]
     return [event for _, event in sorted(changes, key=lambda change: change[0])]
-
-
-def apply_event(event: EventSpec, case: Case, cosimulation: CoSimulation, catalog: Catalog) -> None:
-    """Apply an event at the current communication point."""
-    reference = find(event.variable, catalog)
-    element = reference.element
-    value = None if event.kind == "release" else case.event_value(event, catalog)
-    if event.kind == "release":
-        cosimulation.release(reference.key, element)
-    elif event.kind == "override":
-        cosimulation.override(reference.key, value, element)
-    else:
-        if element is not None:
-            array = np.array(cosimulation.members[reference.member].get(reference.variable.name))
-            array.reshape(-1)[element] = value
-            value = array
-        cosimulation.set(reference.key, value)
 
 
 def list_recorded_columns(scenario: ScenarioSpec, catalogs: dict[str, Catalog]) -> list[results.RecordedVariable]:

@@ -1,33 +1,50 @@
-"""Events with a condition: how they act in a run, and what a run tells about them."""
+"""Events in a run: how they act, and what the summary says of those with a condition."""
 
 from __future__ import annotations
 
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from twin import clock
-from twin.coupling import Condition
+from twin.coupling import Condition, find
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from twin.coupling import Catalog, CoSimulation
     from twin.results import run_folder
     from twin.scenario import Case, ConditionSpec, EventSpec
-
-    Apply = Callable[[EventSpec, Case, CoSimulation, Catalog], None]
 
 OCCURRENCES = "conditions"  # key of summary.json
 MAX_TIMES = 5  # in a note
 MAX_OCCURRENCES = 1000  # of a condition in the summary of a case
 
 
-def conditions_of(case: Case, catalog: Catalog, apply: Apply) -> list[Condition]:
-    """Return the conditions of a case for a co-simulation. `apply`: applies an event at the communication point reached."""
+def apply_event(event: EventSpec, case: Case, cosimulation: CoSimulation, catalog: Catalog) -> None:
+    """Apply an event at the current communication point."""
+    reference = find(event.variable, catalog)
+    element = reference.element
+    value = None if event.kind == "release" else case.event_value(event, catalog)
+    if event.kind == "release":
+        cosimulation.release(reference.key, element)
+    elif event.kind == "override":
+        cosimulation.override(reference.key, value, element)
+    else:
+        if element is not None:
+            array = np.array(cosimulation.members[reference.member].get(reference.variable.name))
+            array.reshape(-1)[element] = value
+            value = array
+        cosimulation.set(reference.key, value)
+
+
+def conditions_of(case: Case, catalog: Catalog) -> list[Condition]:
+    """Return the conditions of a case for a co-simulation."""
     return [
         Condition(
             spec.condition.instructions(catalog),
-            partial(act, spec, case, catalog, apply),
+            partial(act, spec, case, catalog),
             spec.hold_ns,
             spec.after_ns,
             spec.repeats,
@@ -36,10 +53,10 @@ def conditions_of(case: Case, catalog: Catalog, apply: Apply) -> list[Condition]
     ]
 
 
-def act(spec: ConditionSpec, case: Case, catalog: Catalog, apply: Apply, cosimulation: CoSimulation) -> None:
+def act(spec: ConditionSpec, case: Case, catalog: Catalog, cosimulation: CoSimulation) -> None:
     """Apply the actions of an event whose condition is met; its stop comes last."""
     for action in spec.actions:
-        apply(action, case, cosimulation, catalog)
+        apply_event(action, case, cosimulation, catalog)
     if spec.stops:
         reason = f": {spec.description}" if spec.description else ""
         text = f"`{spec.condition.text}` ended the run at {clock.text(cosimulation.time)}{reason}"

@@ -161,10 +161,9 @@ def copy_rows(checkpoint: Checkpoint, case: Case, layout: Mapping[str, Any], fil
     folder = checkpoint.path.parent.parent
     every = (case.record.every_ns or case.step_ns) // case.step_ns
     remaining, done = row_count(checkpoint, every), 0
-    fields = {name: rows.RowField(first, tuple(shape), kind) for name, first, shape, kind, *_ in layout["columns"]}
     columns = {
         label: (field, i)
-        for name, field in fields.items()
+        for name, field in rows.row_fields(layout).items()
         for i, label in enumerate(RecordedVariable(name, shape=field.shape).columns)
     }
     own_units = {name: symbol for name, *_, symbol, _ in layout["columns"]}

@@ -13,9 +13,10 @@ import numpy as np
 from twin import clock
 from twin.coupling import Algorithm, Growth, Stopwatch, growth
 from twin.errors import CouplingError, SimulationError
-from twin.run.cases import Progress, apply_event, build_simulation, noop
+from twin.run.cases import Progress, build_simulation, noop
+from twin.run.conditions import apply_event
 from twin.scenario import Backend, members
-from twin.structure import CostProfile, Structure, profiled, structure
+from twin.structure import CostProfile, Structure, profiled, short_name, structure
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,12 +27,8 @@ if TYPE_CHECKING:
 
 
 def component_names(case: Case) -> dict[str, str]:
-    """Return the components of the members, without folders of files: `rig.yaml#rig@fast`."""
-    names = {}
-    for name, spec in case.members.items():
-        path, separator, suffix = spec.component.partition("#")
-        names[name] = f"{path.rpartition('/')[2]}{separator}{suffix}"
-    return names
+    """Return the components of the members, without folders of files."""
+    return {name: short_name(spec.component) for name, spec in case.members.items()}
 
 
 def case_structure(case: Case, cosimulation: CoSimulation) -> Structure:

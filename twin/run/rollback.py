@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from twin import clock
-from twin.component import PythonComponent, catalog
+from twin.component import PythonComponent
 from twin.coupling import cannot_go_back, unfaithful, verify_rollback
 from twin.errors import TwinError
 from twin.fmi import member as made_of
@@ -21,10 +21,10 @@ def rollback_check(case: Case, variables: Catalog) -> list[str]:
     problems = []
     for name, spec in case.members.items() if case.algorithm.rolls_back else ():
         component = members.component_of(spec)
-        if isinstance(component, str) and component.endswith(".fmu"):
+        if members.is_fmu(component):
             problem = check_fmu(name, component, case, variables)
         else:
-            cls = catalog.component(component) if isinstance(component, str) else component
+            cls = members.class_of(component)
             problem = cannot_go_back(name, case.algorithm) if issubclass(cls, PythonComponent) else ""
             problem = "" if cls.period_ns else problem
         if problem and not has_own_period(spec, case):

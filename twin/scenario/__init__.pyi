@@ -3,9 +3,6 @@ from . import scenario_paths as scenario_paths
 from . import ssp_reader as ssp_reader
 from .check import check_events as check_events
 from .check import event_problems as event_problems
-from .event_specs import ConditionSpec as ConditionSpec
-from .event_specs import EventSpec as EventSpec
-from .event_specs import FaultSpec as FaultSpec
 from .grouping import group as group
 from .grouping import part as part
 from .keys.console_keys import connected as connected
@@ -46,7 +43,10 @@ from .members import make as make
 from .resolution.variable_names import nearest as nearest
 from .resolution.variable_resolution import resolve_variables as resolve_variables
 from .spec import Case as Case
+from .spec import ConditionSpec as ConditionSpec
 from .spec import ConnectionSpec as ConnectionSpec
+from .spec import EventSpec as EventSpec
+from .spec import FaultSpec as FaultSpec
 from .spec import MemberSpec as MemberSpec
 from .spec import RecordSpec as RecordSpec
 from .spec import ScenarioSpec as ScenarioSpec

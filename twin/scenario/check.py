@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 from twin import clock
 from twin.errors import CouplingError, ScenarioError
-from twin.scenario.condition_checks import check_conditions, check_times
 from twin.scenario.keys import quantities
 from twin.scenario.keys.console_keys import check_console, check_controls
-from twin.scenario.keys.dimensions import check_units
+from twin.scenario.keys.dimensions import check_units, expression_uses
 from twin.scenario.keys.key_types import NAME
 from twin.scenario.resolution.variable_names import find, inside, matching, nearest, no_element
 from twin.scenario.spec import SETTABLE
 
+READABLE = ("output", "local")  # causalities of what a condition may read
 MOST_STEPS = 1e12  # of a run; a fast machine computes 1e7 steps per second
 
 if TYPE_CHECKING:
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from twin.component import Component
     from twin.coupling import Catalog
     from twin.results import Expression
-    from twin.scenario.event_specs import EventSpec
+    from twin.scenario.keys.conditions import Comparison
     from twin.scenario.keys.schema import ScenarioKeys
-    from twin.scenario.spec import Case, MemberSpec, ScenarioSpec
+    from twin.scenario.spec import Case, EventSpec, MemberSpec, ScenarioSpec
     from twin.scenario.yaml_files.yaml_node import Node
 
 
@@ -89,40 +89,11 @@ def references(scenario: ScenarioSpec, keys: ScenarioKeys, tree: Node) -> Iterab
     """Yield (file:line, `member.variable`) for every reference in record, metrics, expectations, plots and scenes."""
     for index, pattern in enumerate(keys.record.variables):
         yield str(tree.find(("record", "variables", index)).location), pattern
-    for where, expression, _, _ in expressions_of(scenario):
-        yield from ((where, str(signal)) for signal in expression.signals)
+    for use in expression_uses(scenario):
+        yield from ((use.where, str(signal)) for signal in use.expression.signals if use.needed is not None)
     for scene in scenario.scenes:
         yield from ((scene.where, name) for name, _, _ in scene.arrays)
         yield from ((scene.where, name) for name in (scene.space.all_names if scene.space else ()))
-
-
-def expressions_of(scenario: ScenarioSpec) -> Iterable[tuple[str, Expression, tuple[str, ...], tuple[str, ...]]]:
-    """Yield (file:line, expression, variants, variants that require it) of every analysis, metric, expectation, condition, plot and scene.
-
-    Empty variants: all variants that have its signals.
-    """
-    for analysis in scenario.analyses:
-        for expression in analysis.inputs.values():
-            yield analysis.where, expression, analysis.variants, analysis.variants
-    for metric in scenario.metrics.values():
-        expectations = [item for item in scenario.expectations if item.metric == metric.name]
-        lists = [(item.ordered if item.excluded else (*item.variants, *item.ordered)) for item in expectations]
-        tested = tuple(dict.fromkeys(name for names in lists for name in names))
-        yield metric.where, metric.signal, metric.variants, metric.variants or tested
-    for expectation in scenario.expectations:
-        if expectation.signal is not None:
-            needed = () if expectation.excluded else expectation.variants
-            yield expectation.where, expectation.signal, expectation.variants, needed
-    for case in scenario.variants:
-        for condition in case.conditions:
-            for comparison in condition.condition.comparisons:
-                yield condition.where, comparison.expression, (case.variant,), (case.variant,)
-    for plot in scenario.plots:
-        for expression in plot.expressions:
-            yield plot.where, expression, plot.variants, ()
-    for scene in scenario.scenes:
-        for expression in scene.expressions:
-            yield scene.where, expression, scene.variants, ()
 
 
 def check_case(case: Case, tree: Node, keys: ScenarioKeys) -> list[str]:
@@ -248,7 +219,7 @@ def check_against(
     for case in scenario.variants:
         problems += check_values(case, catalogs[case.variant], classes)
     try:
-        all_catalogs = {variant: {**catalog, **scenario.derived(variant)} for variant, catalog in catalogs.items()}
+        all_catalogs = scenario.with_derived(catalogs)
     except ScenarioError as error:
         return [*problems, *error.problems]
     problems += check_names(scenario, all_catalogs) + check_units(scenario, all_catalogs) + check_rows(scenario)
@@ -281,8 +252,11 @@ def check_names(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list
     array_inputs = {
         id(signal) for analysis in scenario.analyses for signal in analysis.inputs.values() if signal.single
     }
-    for where, expression, variants, needed in expressions_of(scenario):
-        relevant = {name: catalogs[name] for name in variants or catalogs}
+    for use in expression_uses(scenario):
+        if use.needed is None:
+            continue
+        where, expression = use.where, use.expression
+        relevant = {name: catalogs[name] for name in use.variants or catalogs}
         missing = {
             name: reason
             for name, catalog in relevant.items()
@@ -294,7 +268,7 @@ def check_names(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list
         }
         if len(missing) == len(relevant):
             problems.append(f"{where}: {next(iter(missing.values()))}")
-        elif missing_variants := [name for name in needed if name in missing]:
+        elif missing_variants := [name for name in use.needed if name in missing]:
             problems.append(f"{where}: in variant `{missing_variants[0]}`: {missing[missing_variants[0]]}")
         arrays = {
             name: reason
@@ -374,3 +348,38 @@ def event_problems(event: EventSpec, catalog: Catalog, targets: set[str]) -> lis
     if event.variable in targets:
         return [f"{event.where}: {event.variable} is connected and would be written over. Override its source instead."]
     return []
+
+
+def check_times(case: Case) -> list[str]:
+    """Report conditions that are not evaluated before the end of the run."""
+    return [
+        f"{condition.tree.find(('after',)).location}: after {clock.text(condition.after_ns)} is not before the end of the run, "
+        f"{clock.text(case.stop_ns)}. Change it or stop_time."
+        for condition in case.conditions
+        if condition.after_ns is not None and condition.after_ns >= case.stop_ns
+    ]
+
+
+def check_conditions(case: Case, catalog: Catalog) -> list[str]:
+    """Report signals of conditions that are no outputs, and values without a comparison that are no Booleans."""
+    return [
+        f"{condition.where}: {problem}"
+        for condition in case.conditions
+        for comparison in condition.condition.comparisons
+        for problem in comparison_problems(comparison, catalog)
+    ]
+
+
+def comparison_problems(comparison: Comparison, catalog: Catalog) -> Iterable[str]:
+    """Yield the problems of a comparison; unknown names are reported with those of all expressions."""
+    for signal in comparison.expression.signals:
+        try:
+            variable, _ = find(str(signal), catalog)
+        except CouplingError:
+            continue
+        kind = "an input" if variable.causality == "input" else f"a {variable.causality}"
+        if variable.causality not in READABLE:
+            advice = "Name the output that it is connected to" if variable.causality == "input" else "Name an output"
+            yield f"{signal} is {kind}: conditions read outputs. {advice}."
+        elif comparison.is_boolean and variable.type != "Boolean":
+            yield f"{signal} is {variable.type}, neither true nor false. Compare it, as in {signal} > 0."

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from twin.component import catalog
 from twin.coupling import GroupMember, ResolvedConnection, compose, direct_followers, stepping_order
 from twin.errors import CouplingError, ScenarioError, nearest
 from twin.graph import ordered_groups, reached
-from twin.scenario.members import communication, component_of, whole_nanoseconds
+from twin.scenario.members import class_of, communication, component_of, whole_nanoseconds
 from twin.scenario.resolution.variable_resolution import resolve_variables
 
 if TYPE_CHECKING:
@@ -43,8 +42,7 @@ def group(
     for member in case.members:
         if member in member_names:
             spec = case.members[member]
-            component = component_of(spec)
-            cls = catalog.component(component) if isinstance(component, str) else component
+            cls = class_of(component_of(spec))
             period = whole_nanoseconds(communication(spec) or cls.period_ns or case.step_ns, f"{name}: {member}")
             parts[member] = GroupMember(cls, case.values(member, variables[member]), period)
     inside = [link for link in links if link.source.member in parts and link.target.member in parts]

@@ -11,8 +11,7 @@ from twin.coupling import Algorithm
 from twin.errors import ScenarioError
 from twin.results import check_sentence
 from twin.scenario import check
-from twin.scenario.event_specs import ConditionSpec, EventSpec, FaultSpec
-from twin.scenario.keys import console_keys, former_names, metric_keys
+from twin.scenario.keys import former_names, metric_keys
 from twin.scenario.keys.schema import RunKeys
 from twin.scenario.keys.validation_messages import by_line, validate
 from twin.scenario.resolution import component_references
@@ -20,8 +19,11 @@ from twin.scenario.resolution.variable_resolution import resolve_variables
 from twin.scenario.scenario_paths import located
 from twin.scenario.spec import (
     Case,
+    ConditionSpec,
     ConnectionSpec,
+    EventSpec,
     Exchange,
+    FaultSpec,
     MemberSpec,
     RecordSpec,
     ScenarioSpec,
@@ -32,7 +34,7 @@ from twin.scenario.yaml_files.yaml_node import Node, SourceLocation
 from twin.scenario.yaml_files.yaml_reader import parse
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from twin.component import Component
     from twin.scenario.keys.schema import ConnectionKeys, EventKeys, MemberKeys, ScenarioKeys
@@ -97,13 +99,11 @@ def with_events(scenario: ScenarioSpec, time: clock.Time, options: Sequence[str]
     events = []
     for option in options:
         path, value = parse_option(option)
-        settings = Node({path: value}, value.location)
-        event = {"at": Node(clock.exact_text(time), value.location), "set": settings}
-        events.append(Node(event, value.location))
-    where = scenario.source_tree.location
-    patch = Node({"events": Node(events, where)}, where)
-    if variant in scenario.source_tree.find(("variants",)).entries:
-        patch = Node({"variants": Node({variant: patch}, where)}, where)
+        at = Node(clock.exact_text(time), value.location)
+        events.append(at.under("at") | {"set": value.under(path)})
+    patch = Node(events, scenario.source_tree.location).under("events")
+    if variant in scenario.source_tree.get("variants").entries:
+        patch = patch.under("variants", variant)
     return build(merge.merged(scenario.source_tree, patch), scenario.path, scenario.overrides)
 
 
@@ -127,13 +127,12 @@ def assemble(
     problems += more_problems
     rename = former_names.renamer(trees.values(), classes) if imports else None
     if rename is not None and (renamed := rename(root)) != root:
-        former_names.report(root, renamed)
         root, unpatched = renamed, rename(unpatched)
         keys, valid_tree, _ = validate(normalize_expect(root))  # the problems are already listed
         trees = merge.variant_trees(valid_tree)
     variants = {name: variant_case(name, tree, keys, classes) for name, tree in trees.items()}
     analyses, metrics, expectations, plots, more_problems = metric_keys.figures(
-        keys, valid_tree, list(variants), root.find(("metrics",)).entries
+        keys, valid_tree, list(variants), root.get("metrics").entries
     )
     problems += more_problems
     scenes, more_problems = metric_keys.scenes(keys, valid_tree, list(variants))
@@ -162,7 +161,7 @@ def assemble(
         root,
         unpatched,
         scenes,
-        console_keys.controls(keys, valid_tree),
+        tuple(item.model_copy(update={"label": item.label or item.input}) for item in keys.console.controls),
         {name: tuple(ends) for name, ends in keys.console.parameters.items()},
         keys.console.targets,
         tuple(keys.console.warnings),
@@ -185,35 +184,30 @@ def own_text(text: str, key: str, root: Node, path: Path) -> str:
 
 def variant_case(name: str, tree: Node, base: ScenarioKeys, classes: Mapping[str, type[Component]]) -> Case:
     """Build the case of a variant's tree, whose problems are already listed."""
-    own = Node({key: node for key, node in tree.entries.items() if key in CASE}, tree.location)
-    keys, own, _ = validate(own, RunKeys)
+    keys, own, _ = validate(tree.only(CASE), RunKeys)
     return case_of(name, keys, own, base, classes)
 
 
 def normalize_expect(root: Node) -> Node:
     """Return the tree with `expect` as a list, with named expectations converted to items with `name`."""
-    expect = root.entries.get("expect")
-    if expect is None or not isinstance(expect.value, dict):
+    expect = root.get("expect")
+    if not isinstance(expect.value, dict):
         return root
-    items = [
-        Node({"name": Node(name, item.location), **item.entries}, item.location)
-        for name, item in expect.entries.items()
-    ]
-    return Node(root.entries | {"expect": Node(items, expect.location)}, root.location)
+    items = [Node(name, item.location).under("name") | item.entries for name, item in expect.entries.items()]
+    return root | {"expect": Node(items, expect.location)}
 
 
 def changes_reference(root: Node, file: str) -> bool:
     """Whether a file extends one with reference values of a paper and changes keys that affect them."""
-    metrics = list(root.find(("metrics",)).entries.values()) if "metrics" in root.entries else []
+    metrics = list(root.get("metrics").entries.values())
     reference_files = {leaf.location.file for metric in metrics for leaf in leaves(metric.find(("reference",)))}
     changed_files = {
         leaf.location.file
-        for key in PHYSICS
-        if key in root.entries
-        for leaf in leaves(compared_variants(root.entries[key], metrics) if key == "variants" else root.entries[key])
+        for key, node in root.only(PHYSICS).entries.items()
+        for leaf in leaves(compared_variants(node, metrics) if key == "variants" else node)
     }
     if "parameter_sets" in root.entries:  # their values stand in other files
-        changed_files.add(root.entries["parameter_sets"].location.file)
+        changed_files.add(root.get("parameter_sets").location.file)
     return bool(reference_files) and file not in reference_files and file in changed_files
 
 
@@ -222,17 +216,13 @@ def compared_variants(variants: Node, metrics: Sequence[Node]) -> Node:
     references = [metric.entries["reference"] for metric in metrics if "reference" in metric.entries]
     if any(node.value is not None and not isinstance(node.value, dict) for node in references):
         return variants  # one value for all
-    names = {name for node in references for name in node.entries}
-    return Node({name: node for name, node in variants.entries.items() if name in names}, variants.location)
+    return variants.only({name for node in references for name in node.entries})
 
 
 def leaves(node: Node) -> Iterator[Node]:
     """Yield all scalar nodes of a tree."""
-    if isinstance(node.value, dict):
-        for item in node.entries.values():
-            yield from leaves(item)
-    elif isinstance(node.value, list):
-        for item in node.items:
+    if isinstance(node.value, dict | list):
+        for item in node.items or node.entries.values():
             yield from leaves(item)
     else:
         yield node
@@ -257,8 +247,7 @@ def case_of(name: str, keys: RunKeys, tree: Node, base: ScenarioKeys, classes: M
         for i, connection_keys in enumerate(keys.connections)
         if connection_keys.source
     )
-    items = tree.entries["events"].items if "events" in tree.entries else []
-    events, conditions, faults = events_of(list(zip(keys.events or [], items, strict=False)))
+    events, conditions, faults = events_of(zip(keys.events or [], tree.get("events").items, strict=False))
     return Case(
         name,
         base.seeds[0],
@@ -278,7 +267,7 @@ def case_of(name: str, keys: RunKeys, tree: Node, base: ScenarioKeys, classes: M
 
 
 def events_of(
-    items: Sequence[tuple[EventKeys, Node]],
+    items: Iterable[tuple[EventKeys, Node]],
 ) -> tuple[list[EventSpec], list[ConditionSpec], list[FaultSpec]]:
     """Build the events at a time, those with a condition, and the faults from their keys and nodes."""
     events: list[EventSpec] = []
@@ -305,8 +294,7 @@ def events_of(
                 )
             )
         elif keys.fault is not None:
-            entries = {key: entry for key, entry in node.entries.items() if key != "description"}
-            faults.append(FaultSpec(keys.at or 0, Node(entries, node.location)))
+            faults.append(FaultSpec(keys.at or 0, node.without("description")))
         else:
             events += actions
     return events, conditions, faults

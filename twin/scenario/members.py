@@ -8,7 +8,7 @@ from enum import StrEnum
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 from twin import clock, compiler
 from twin.component import Component, PythonComponent, Role, catalog, resampled
@@ -31,18 +31,33 @@ class Backend(StrEnum):
     interpreted = "interpreted"
 
 
+def is_fmu(component: str | type[Component]) -> TypeGuard[str]:
+    """Whether a component is the path of an FMU."""
+    return isinstance(component, str) and component.endswith(".fmu")
+
+
+def class_of(component: str | type[Component]) -> type[Component]:
+    """Return the class of a component that is no FMU."""
+    return catalog.component(component) if isinstance(component, str) else component
+
+
 def variables(component: str | type[Component], sizes: Mapping[str, Any] | None = None) -> Mapping[str, MemberVariable]:
     """Return the variables of a component without instantiating its model.
 
     `sizes`: values of structural parameters, which determine the shapes of other variables.
     """
-    if isinstance(component, str) and component.endswith(".fmu"):
-        from twin.fmi import FMUMember
+    if is_fmu(component):
+        return closed_member(component, sizes or {}).variables
+    return declared_variables(class_of(component))
 
-        member = FMUMember("member", component, dict(sizes or {}))
-        member.close()
-        return member.variables
-    return declared_variables(catalog.component(component) if isinstance(component, str) else component)
+
+def closed_member(path: str, sizes: Mapping[str, Any]) -> FMUMember:
+    """Return a member of an FMU to look at, which holds no files. `sizes`: values of structural parameters."""
+    from twin.fmi import FMUMember
+
+    member = FMUMember("member", path, dict(sizes))
+    member.close()
+    return member
 
 
 def has_source(cls: type[Component]) -> bool:
@@ -81,13 +96,9 @@ def samples(cls: type[Component]) -> bool:
 def tick(spec: MemberSpec) -> clock.Time:
     """Return a member's own sample period [ns], 0 if none; for an FMU its declared fixed internal step."""
     component = component_of(spec)
-    if isinstance(component, str) and component.endswith(".fmu"):
-        from twin.fmi import FMUMember
-
-        member = FMUMember("member", component)
-        member.close()
-        return clock.nanoseconds(member.fixed_step or 0.0)
-    return (catalog.component(component) if isinstance(component, str) else component).period_ns
+    if is_fmu(component):
+        return clock.nanoseconds(closed_member(component, {}).fixed_step or 0.0)
+    return class_of(component).period_ns
 
 
 def communication(spec: MemberSpec) -> clock.Time | None:
@@ -110,9 +121,9 @@ def make(
 
     Python-side components and those without source are interpreted regardless of `form`.
     """
-    if isinstance(component, str) and component.endswith(".fmu"):
+    if is_fmu(component):
         return imported(name, Path(component), values, exchange, names)
-    component_class = catalog.component(component) if isinstance(component, str) else component
+    component_class = class_of(component)
     needs_fmu = exchange is not None and exchange.is_specified
     if needs_fmu and (issubclass(component_class, PythonComponent) or not has_source(component_class)):
         raise CouplingError(f"{name}: is Python-side and no FMU. Leave out `interface` and what belongs to it.")
@@ -166,14 +177,10 @@ def prebuild(
         return
     from twin.fmi import fmu_cache
 
-    classes = {
-        component: catalog.component(component) if isinstance(component, str) else component
-        for component in dict.fromkeys(components)
-        if not str(component).endswith(".fmu")
-    }
+    classes = dict.fromkeys(class_of(component) for component in dict.fromkeys(components) if not is_fmu(component))
     is_cached = fmu_cache.is_built if backend is Backend.fmu else compiler.is_translated
     missing: list[type[Component]] = []
-    for cls in dict.fromkeys(classes.values()):
+    for cls in classes:
         with suppress(TwinError):
             if not issubclass(cls, PythonComponent) and not is_cached(cls, build):
                 missing.append(cls)
@@ -201,9 +208,9 @@ def translation_problems(cases: Iterable[Case], build: Path) -> list[str]:
     lines = []
     for name, spec in (member for case in cases for member in case.members.items()):
         component = component_of(spec)
-        if isinstance(component, str) and component.endswith(".fmu"):
+        if is_fmu(component):
             continue
-        cls = catalog.component(component) if isinstance(component, str) else component
+        cls = class_of(component)
         if issubclass(cls, PythonComponent) or not has_source(cls):
             continue
         if cls not in problems:

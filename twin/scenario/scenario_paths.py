@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING
 from twin.errors import ScenarioError, find_similar, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from twin.scenario.yaml_files.yaml_node import Node
 
 FOLDERS = {"scenario": "scenarios", "study": "scenarios/studies", "validation": "validation"}
@@ -64,39 +62,31 @@ def overview(path: Path) -> Overview:
     from twin.scenario.yaml_files import yaml_reader
 
     try:
-        entries = yaml_reader.read(path, path.name).entries
+        root = yaml_reader.read(path, path.name)
     except ScenarioError as error:
         return Overview(error.problems[0])
-    title, topic = (str(entries[key].value) if key in entries else "" for key in ("title", "topic"))
-    stop_node, console = (_inherited(path, entries, key) for key in ("stop_time", "console"))
-    stop = "" if stop_node is None else str(stop_node.value)
-    if not title and "description" in entries:
-        title = str(entries["description"].value)
+    stop_node, console = (_inherited(path, root, key) for key in ("stop_time", "console"))
+    nodes = (root.get("title"), root.get("description"), root.get("topic"), stop_node)
+    title, description, topic, stop = ("" if node.value is None else str(node.value) for node in nodes)
     duration = f"{stop} s" if stop.replace(".", "").isdigit() else stop
-    has_controls = console is not None and (isinstance(console.value, list) or "controls" in console.entries)
-    variants = entries["variants"].entries if "variants" in entries else {}
-    return Overview(
-        title,
-        topic,
-        duration,
-        has_controls,
-        OPERATOR_VARIANT if has_controls and OPERATOR_VARIANT in variants else None,
-    )
+    has_controls = isinstance(console.value, list) or "controls" in console.entries
+    variant = OPERATOR_VARIANT if has_controls and OPERATOR_VARIANT in root.get("variants").entries else None
+    return Overview(title or description, topic, duration, has_controls, variant)
 
 
-def _inherited(path: Path, entries: Mapping[str, Node], key: str) -> Node | None:
-    """Return a key of a file, or of the nearest file that it extends; None if there is none."""
+def _inherited(path: Path, root: Node, key: str) -> Node:
+    """Return a key of a file, or of the nearest file that it extends; a node without a value if there is none."""
     from twin.scenario.yaml_files import merge, yaml_reader
 
     visited: set[Path] = set()
-    while key not in entries and "extends" in entries and path not in visited:
+    while key not in root.entries and "extends" in root.entries and path not in visited:
         visited.add(path)
-        path = merge.extended_file(path, str(entries["extends"].value))
+        path = merge.extended_file(path, str(root.get("extends").value))
         try:
-            entries = yaml_reader.read(path, path.name).entries
+            root = yaml_reader.read(path, path.name)
         except ScenarioError:
-            return None
-    return entries.get(key)
+            break
+    return root.get(key)
 
 
 def title(path: Path) -> str:

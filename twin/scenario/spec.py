@@ -14,7 +14,6 @@ import numpy as np
 
 from twin.coupling import Algorithm, Connection, CoupledSystem
 from twin.errors import CouplingError, ScenarioError
-from twin.scenario.event_specs import ConditionSpec, EventSpec, FaultSpec
 from twin.scenario.keys import quantities as value
 from twin.scenario.resolution.variable_names import find, matching, nearest
 
@@ -25,7 +24,8 @@ if TYPE_CHECKING:
     from twin.component import Component
     from twin.coupling import Catalog
     from twin.results import Analysis, Expectation, Metric, Plot
-    from twin.scenario.keys.schema import MutationKeys, TargetKeys, WarningKeys
+    from twin.scenario.keys.conditions import ConditionExpression
+    from twin.scenario.keys.schema import ControlKeys, MutationKeys, TargetKeys, WarningKeys
     from twin.scenario.resolution.variable_names import Variables
     from twin.scenario.yaml_files.yaml_node import Node
     from twin.scene import Scene
@@ -34,6 +34,83 @@ ConnectionSpec = Connection  # its name among the specifications of a scenario
 
 SETTABLE = ("parameter", "structuralParameter", "input")
 STARTABLE = ("exact", "approx")  # FMI's `initial`: a state's or an output's start value may be set
+
+
+@dataclass(frozen=True)
+class EventSpec:
+    """An event on one variable. `kind`: set, override or release (`value` is None)."""
+
+    time_ns: clock.Time
+    kind: str
+    variable: str
+    value: Any = None
+    where: str = field(default="", compare=False)
+
+    @property
+    def text(self) -> str:
+        """Text for messages and plots: `set controller.setpoint = 0.25 N`."""
+        return f"{self.kind} {self.variable}" + ("" if self.kind == "release" else f" = {self.value}")
+
+
+@dataclass(frozen=True)
+class ConditionSpec:
+    """An event that happens when a condition is met. `actions`: with a time of 0; `tree`: all its keys as written.
+
+    `hold_ns`: time for which the condition must be true without interruption; `after_ns`: time before which it is not
+    evaluated. `repeats`: it acts again after the condition was false. `stops`: it ends the run.
+    """
+
+    condition: ConditionExpression
+    actions: tuple[EventSpec, ...]
+    tree: Node = field(repr=False, compare=False)
+    hold_ns: clock.Time = 0
+    after_ns: clock.Time | None = None
+    repeats: bool = False
+    stops: bool = False
+    description: str = ""
+
+    @property
+    def where(self) -> str:
+        """file:line."""
+        return str(self.tree.find(("when",)).location)
+
+    @property
+    def sources(self) -> set[str]:
+        """Members whose outputs it reads."""
+        signals = (signal for item in self.condition.comparisons for signal in item.expression.signals)
+        return {signal.name.partition(".")[0] for signal in signals}
+
+    @property
+    def targets(self) -> set[str]:
+        """Members that it changes."""
+        return {action.variable.partition(".")[0] for action in self.actions}
+
+    @property
+    def text(self) -> str:
+        """What happens, for messages and plots: `set controller.setpoint = 0.25 N, stop (when sensor.force > 0.3 N)`."""
+        parts = [action.text for action in self.actions] + ["stop"] * self.stops
+        return f"{', '.join(parts) or self.description or 'nothing changes'} (when {self.condition.text})"
+
+
+@dataclass(frozen=True)
+class FaultSpec:
+    """A hardware fault at a time. `tree`: all its keys as written, which the hardware interprets."""
+
+    time_ns: clock.Time
+    tree: Node = field(repr=False)
+
+    @property
+    def where(self) -> str:
+        """file:line."""
+        return str(self.tree.location)
+
+    @property
+    def text(self) -> str:
+        """Text for messages: `heartbeat, node servomotor, duration 500 ms`."""
+        keys = self.tree.plain()
+        return ", ".join(
+            [str(keys["fault"]), *(f"{key} {value}" for key, value in keys.items() if key not in ("at", "fault"))]
+        )
 
 
 @dataclass(frozen=True)
@@ -105,29 +182,6 @@ class MemberSpec:
             else:
                 values[variable.name] = resolved
         return values, problems
-
-
-@dataclass(frozen=True)
-class ControlSpec:
-    """An operator control of an input. `range` and `rest` are as written: one symmetric value, a pair, or None.
-
-    `keys` and `buttons`: for the upper limit, then for the lower one. No `variants`: all in which the input is unconnected.
-    """
-
-    input: str
-    label: str = ""
-    description: str = ""
-    range: Any = None
-    rest: Any = None
-    dead_zone: float = 0.0  # part of the deflection
-    along: dict[str, Any] = field(default_factory=dict)  # inputs set to a value while the control is held
-    stick: str = ""
-    keys: tuple[str, ...] = ()
-    axis: int | None = None
-    reverse: bool = False
-    buttons: tuple[int, ...] = ()
-    variants: tuple[str, ...] = ()
-    where: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True)
@@ -261,7 +315,7 @@ class ScenarioSpec:
     tree: Node = field(repr=False, compare=False)
     source_tree: Node = field(repr=False, compare=False)  # the tree before `overrides`
     scenes: tuple[Scene, ...] = ()
-    console: tuple[ControlSpec, ...] = ()
+    console: tuple[ControlKeys, ...] = ()
     console_parameters: dict[str, tuple[Any, ...]] = field(default_factory=dict)  # slider ends as written, or none
     console_targets: TargetKeys | None = None
     console_warnings: tuple[WarningKeys, ...] = ()
@@ -291,6 +345,10 @@ class ScenarioSpec:
         """Return the output variables of a variant's analyses, as a catalog with each analysis as a member."""
         analyses = [analysis for analysis in self.analyses if not analysis.variants or variant in analysis.variants]
         return {analysis.name: analysis.variables() for analysis in analyses}
+
+    def with_derived(self, catalogs: Mapping[str, Catalog]) -> dict[str, Catalog]:
+        """Return the variables of each variant with those of its analyses."""
+        return {variant: {**catalog, **self.derived(variant)} for variant, catalog in catalogs.items()}
 
     def frozen(self) -> str:
         """Return the scenario as one YAML text: everything merged, overrides applied, paths of FMUs absolute."""

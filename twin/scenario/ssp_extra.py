@@ -58,7 +58,7 @@ def extra_yaml(
 
 def extra_keys(tree: Node, case: Case, split_arrays: AbstractSet[str], title: str) -> tuple[dict[str, Node], list[str]]:
     """Return the extra keys of one variant, and notes on items that are dropped because they need an array."""
-    extra = {name: node for name, node in tree.entries.items() if name not in DROPPED}
+    extra = tree.without(*DROPPED).entries
     extra["title"] = Node(title, tree.location)
     if events := [event for event in case.actions if event.variable in split_arrays]:
         text = f"{events[0].where}: an event sets the array {events[0].variable}, which FMI 2.0 has not."
@@ -72,17 +72,17 @@ def extra_keys(tree: Node, case: Case, split_arrays: AbstractSet[str], title: st
         ]
         unavailable |= set(dropped) if name == "analyses" else set()
     if "expect" in extra:
-        extra["expect"] = without_missing(extra["expect"], extra.get("metrics"))
+        known = [None, *extra["metrics"].entries] if "metrics" in extra else [None]
+        extra["expect"] = extra["expect"].map(lambda item: item if item.get("metric").value in known else None)
     if "groups" in extra:
-        groups = {key: node for key, node in extra["groups"].entries.items() if set(names(node)) <= set(case.members)}
-        extra["groups"] = Node(groups, extra["groups"].location)
+        extra["groups"] = extra["groups"].map(lambda node: node if set(names(node)) <= case.members.keys() else None)
     return extra, notes
 
 
 def experiment(scenario: ScenarioSpec, case: Case, notes: list[str]) -> dict[str, Any]:
     """Return step and algorithm as written in the scenario."""
     tree = merge.variant_trees(scenario.tree)[case.variant]
-    keys: dict[str, Any] = {key: tree.entries[key].plain() for key in ("step", "algorithm") if key in tree.entries}
+    keys: dict[str, Any] = tree.only(("step", "algorithm")).plain()
     if "algorithm" in keys:
         notes.append(f"algorithm {keys['algorithm']}: an annotation, others have their own.")
     return keys
@@ -124,20 +124,14 @@ def of_variant(node: Node, variant: str) -> Node:
             or variant in lists.get("except", ())
         ):
             return None
-        entries = {key: child for key, child in item.entries.items() if key not in lists}
-        reference_value = entries.get("reference")
-        if reference_value is not None and reference_value.entries:
-            entries.pop("reference")
-            if variant in reference_value.entries:
-                entries["reference"] = reference_value.entries[variant]
-            else:
-                entries.pop("tolerance", None)
-        return Node(entries, item.location) if item.entries else item
+        references = item.get("reference").entries
+        if not references:
+            return item.without(*lists) if item.entries else item
+        if variant not in references:
+            return item.without(*lists, "reference", "tolerance")
+        return item.without(*lists, "reference") | {"reference": references[variant]}
 
-    if isinstance(node.value, list):
-        return Node([child for item in node.items if (child := restrict(item)) is not None], node.location)
-    restricted = {key: restrict(item) for key, item in node.entries.items()}
-    return Node({key: child for key, child in restricted.items() if child is not None}, node.location)
+    return node.map(restrict)
 
 
 def split_available(node: Node, unavailable: AbstractSet[str]) -> tuple[Node, list[str]]:
@@ -147,22 +141,16 @@ def split_available(node: Node, unavailable: AbstractSet[str]) -> tuple[Node, li
         names = re.findall(r"[A-Za-z_]\w*(?:\.\w+)+", str(item.plain()))
         return not any(name in unavailable or name.partition(".")[0] in unavailable for name in names)
 
+    available = node.map(lambda entry: entry if has_available_names(entry) else None)
     if isinstance(node.value, list):
         dropped = [next(iter(entry.entries.values()), entry) for entry in node.items if not has_available_names(entry)]
-        return Node([entry for entry in node.items if has_available_names(entry)], node.location), [
-            str(entry.plain()) for entry in dropped
-        ]
-    is_available = {key: has_available_names(entry) for key, entry in node.entries.items()}
-    available = {key: entry for key, entry in node.entries.items() if is_available[key]}
-    return Node(available, node.location), [key for key in node.entries if not is_available[key]]
+        return available, [str(entry.plain()) for entry in dropped]
+    return available, [key for key in node.entries if key not in available.entries]
 
 
 def record_elements(record: Node, split_arrays: AbstractSet[str], catalog: Catalog) -> Node:
     """Return `record` with split arrays replaced by patterns of their elements."""
-    patterns = record.entries.get("variables")
-    if patterns is None:
-        return record
-    items = []
+    patterns, items = record.get("variables"), []
     for pattern in patterns.items:
         text = str(pattern.value)
         matched = set(matching(catalog, text)) if "*" in text else {text}
@@ -170,16 +158,4 @@ def record_elements(record: Node, split_arrays: AbstractSet[str], catalog: Catal
             items.append(pattern)
         if matched & split_arrays:
             items.append(Node(f"{text}[*]", pattern.location))
-    return Node(record.entries | {"variables": Node(items, patterns.location)}, record.location)
-
-
-def without_missing(node: Node, metrics: Node | None) -> Node:
-    """Remove expectations on metrics that do not exist."""
-    metric_names = set(metrics.entries) if metrics else set()
-
-    def has_metric(item: Node) -> bool:
-        return "metric" not in item.entries or item.entries["metric"].value in metric_names
-
-    if isinstance(node.value, list):
-        return Node([item for item in node.items if has_metric(item)], node.location)
-    return Node({key: item for key, item in node.entries.items() if has_metric(item)}, node.location)
+    return record | {"variables": Node(items, patterns.location)} if items else record

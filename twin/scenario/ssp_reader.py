@@ -66,20 +66,13 @@ def read(path: Path, shown: str, problems: list[str]) -> Node:
     first = next(iter(trees.values()))
     if len(trees) == 1:
         return first
-    starts = sorted(
-        {float(tree.find(("start_time",)).value) if "start_time" in tree.entries else 0.0 for tree in trees.values()}
-    )
+    starts = sorted({float(tree.get("start_time").value or 0.0) for tree in trees.values()})
     if len(starts) > 1:
         start_texts = " and ".join(f"{start:g} s" for start in starts)
         problems.append(f"{shown}: the variants start at {start_texts}. Give them one start time.")
-    variants = {
-        name: Node({key: node for key, node in tree.entries.items() if key in VARIANT_KEYS}, tree.location)
-        for name, tree in trees.items()
-    }
-    shared = {
-        key: node for key, node in first.entries.items() if key not in VARIANT_KEYS or key in ("stop_time", "step")
-    }
-    return Node(shared | {"variants": Node(variants, first.location)}, first.location)
+    variants = {name: tree.only(VARIANT_KEYS) for name, tree in trees.items()}
+    shared = first.without(*(key for key in VARIANT_KEYS if key not in ("stop_time", "step")))
+    return shared | {"variants": Node(variants, first.location)}
 
 
 def notes(path: Path, shown: str) -> list[str]:
@@ -107,7 +100,7 @@ def scenario(variant: Variant, flat: FlatSystem, shown: str, problems: list[str]
     location = parse_location(variant.where)
     extra_keys = extra(variant, shown, problems)
     annotated = ssp.read_annotations(variant.annotations.get("DefaultExperiment", []), "Experiment")
-    other_keys = {name: node for name, node in extra_keys.entries.items() if name not in STRUCTURE_KEYS}
+    other_keys = extra_keys.without(*STRUCTURE_KEYS).entries
     entries = {"title": Node(variant.name or variant.system.name, location)}
     if variant.description:
         entries["description"] = Node(variant.description, location)
@@ -122,15 +115,13 @@ def scenario(variant: Variant, flat: FlatSystem, shown: str, problems: list[str]
         "step": variant.step or min(steps, default=None),
     }
     entries |= {key: Node(value, location) for key, value in times.items() if value is not None and key not in entries}
-    member_nodes = extra_keys.entries.get("members", Node({}, location)).entries
-    members = {name: member_tree(item, member_nodes.get(name)) for name, item in flat.members.items()}
+    members = {name: member_tree(item, extra_keys.get("members").get(name)) for name, item in flat.members.items()}
     if not members:
         problems.append(f"{location}: the system has no FMU. Add a component.")
     entries["members"] = Node(members, location)
-    connection_nodes = extra_keys.entries["connections"].items if "connections" in extra_keys.entries else []
     bonds = {
-        item.entries["to"].value: item.entries["bond"]
-        for item in connection_nodes
+        item.get("to").value: item.get("bond")
+        for item in extra_keys.get("connections").items
         if {"to", "bond"} <= item.entries.keys()
     }
     entries["connections"] = Node([connection_tree(item, bonds.get(item.target)) for item in flat.wires], location)
@@ -151,7 +142,7 @@ def extra(variant: Variant, shown: str, problems: list[str]) -> Node:
     return root if isinstance(root.value, dict) else empty
 
 
-def member_tree(member: FlatMember, extra_keys: Node | None) -> Node:
+def member_tree(member: FlatMember, extra_keys: Node) -> Node:
     """Create the tree of a member with its parameters."""
     location = parse_location(member.where)
     entries = {"component": Node(member.fmu, location)}
@@ -164,8 +155,7 @@ def member_tree(member: FlatMember, extra_keys: Node | None) -> Node:
             {name: Node.of(value, parse_location(where)) for name, (value, where) in member.parameters.items()},
             location,
         )
-    if extra_keys is not None:
-        entries |= {key: node for key, node in extra_keys.entries.items() if key in MEMBER_KEYS}
+    entries |= extra_keys.only(MEMBER_KEYS).entries
     annotated = ssp.read_annotations(member.annotations, "Member")
     entries |= {key: Node.of(value, location) for key, value in annotated.items() if key in MEMBER_KEYS}
     return Node(entries, location)
@@ -180,4 +170,4 @@ def connection_tree(connection: FlatConnection, bond: Node | None) -> Node:
     node = Node.of(
         ends | {key: annotated[key] for key in ("bond", "hold") if key in annotated}, parse_location(connection.where)
     )
-    return Node(node.entries | {"bond": bond}, node.location) if bond is not None else node
+    return node if bond is None else node | {"bond": bond}

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock, fmi, installed, ssp
-from twin.component import PythonComponent, catalog
+from twin.component import PythonComponent
 from twin.errors import ScenarioError, TwinError
 from twin.scenario import members, ssp_reader
 from twin.scenario.resolution.variable_resolution import resolve_variables
@@ -123,9 +123,7 @@ def build_fmus(
         try:
             fmus[name] = build_fmu(name, spec, version, build, platforms, needs_python)
         except TwinError as error:
-            problems += [
-                f"{spec.where}: member `{name}`: {message}" for message in getattr(error, "problems", [str(error)])
-            ]
+            problems += [f"{spec.where}: member `{name}`: {message}" for message in error.problems]
     if problems:
         raise ScenarioError(problems)
     return fmus
@@ -185,10 +183,10 @@ def build_fmu(
     component = members.component_of(spec)
     names = dict(spec.names)
     with tempfile.TemporaryDirectory(prefix="twin-ssp-") as folder:
-        if isinstance(component, str) and component.endswith(".fmu"):
+        if members.is_fmu(component):
             fmu_path = Path(component)
         else:
-            component_class = catalog.component(component) if isinstance(component, str) else component
+            component_class = members.class_of(component)
             if spec.component.endswith(fmi.csv_source.SUFFIX):
                 raise ScenarioError(
                     f"{spec.component} is a CSV file, which FMUs cannot contain. Remove this member, and connect the table in the other tool."

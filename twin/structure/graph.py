@@ -19,6 +19,12 @@ if TYPE_CHECKING:
     Edge = tuple[str, str]
 
 
+def short_name(component: str) -> str:
+    """Return a component without the folders of its file: `rig.yaml#rig@fast`."""
+    path, mark, part = component.partition("#")
+    return f"{path.rpartition('/')[2]}{mark}{part}"
+
+
 @dataclass(frozen=True)
 class GraphMember:
     """Member of the structure. `rank`: position in the stepping order, counted from 1; members of equal rank step together.

@@ -37,6 +37,7 @@ class Slot:
     member: str = ""
     before: list[tuple[Slot, Edge]] = field(default_factory=list)
     behind: list[tuple[Slot, Edge]] = field(default_factory=list)
+    x: float = 0.0  # of its left side
     y: float = 0.0  # of its middle
     is_labeled: bool = False  # whether labels stand at its connections
 
@@ -50,6 +51,28 @@ class Slot:
     def half(self) -> float:
         """Half of its height in the column [px]."""
         return (self.height + GAP if self.member else LINE) / 2
+
+
+@dataclass
+class DrawnLine:
+    """Connection as the slots from left to right that it passes. `is_back`: it closes a loop, and is drawn to the left."""
+
+    edge: Edge
+    is_back: bool
+    slots: list[Slot]
+    width: float = 0.0  # of the boxes [px]
+
+    @property
+    def color(self) -> str:
+        """Color by direction."""
+        return BACKWARD if self.is_back else FORWARD
+
+    @property
+    def tip(self) -> tuple[float, float]:
+        """Where its arrow ends [px]."""
+        if self.is_back:
+            return self.slots[0].x + self.width, port_height(self.slots[0], self.slots[1], self.edge, True)
+        return self.slots[-1].x, port_height(self.slots[-1], self.slots[-2], self.edge, False)
 
 
 def draw(
@@ -70,7 +93,7 @@ def draw(
     slots = {name: Slot(name) for name in members}
     for name, column in depth.items():
         layers[column].append(slots[name])
-    lines = {edge: route(edge, edge in back, depth, slots, layers) for edge in connections if edge[0] != edge[1]}
+    lines = [route(edge, edge in back, depth, slots, layers) for edge in connections if edge[0] != edge[1]]
     for edge in labels:
         slots[edge[1]].is_labeled = True
     arrange(layers)
@@ -83,25 +106,23 @@ def draw(
         max((len(text) for edge, text in labels.items() if (edge in back) is side), default=0) for side in (False, True)
     ]
     room = max(ROOM, 22 + SMALL * sum(widest))  # labels of both directions stand side by side
-    left = {id(slot): 8 + column * (width + room) for column, layer in enumerate(layers) for slot in layer}
+    for column, layer in enumerate(layers):
+        for slot in layer:
+            slot.x = 8 + column * (width + room)
+    for line in lines:
+        line.width = width
     bottom = max(slot.y + slot.half for layer in layers for slot in layer)
     size = 16 + len(layers) * width + (len(layers) - 1) * room, bottom + 10 + NOTE * bool(notes)
-    parts = [draw_line(path, edge, edge in back, left, width, list(connections[edge])) for edge, path in lines.items()]
+    parts = [draw_line(line, list(connections[line.edge])) for line in lines]
+    parts += [draw_label(line, labels[line.edge]) for line in lines if line.edge in labels]
+    parts += [draw_box(slots[name], width, text, members[name]) for name, text in shown.items()]
     parts += [
-        draw_label(path, edge, edge in back, left, width, labels[edge])
-        for edge, path in lines.items()
-        if edge in labels
-    ]
-    parts += [
-        draw_box(slots[name], left[id(slots[name])], width, name, text, members[name]) for name, text in shown.items()
-    ]
-    parts += [
-        draw_self_loop(slots[source], left[id(slots[source])], width, texts)
+        draw_self_loop(slots[source], width, texts)
         for (source, target), texts in connections.items()
         if source == target
     ]
     parts += [
-        f'<text x="{left[id(slots[name])] + width / 2:.1f}" y="{slots[name].y + slots[name].height / 2 + NOTE - 1:.1f}" '
+        f'<text x="{slots[name].x + width / 2:.1f}" y="{slots[name].y + slots[name].height / 2 + NOTE - 1:.1f}" '
         f'text-anchor="middle" font-size="10" fill="currentColor" fill-opacity=".65">{escape(note)}</text>'
         for name, note in notes.items()
     ]
@@ -154,8 +175,8 @@ def assign_columns(members: list[str], edges: list[Edge], back: set[Edge]) -> di
     return depth
 
 
-def route(edge: Edge, is_back: bool, depth: dict[str, int], slots: dict[str, Slot], layers: Layers) -> list[Slot]:
-    """Return the slots of a connection from left to right; adds slots in the columns that it passes."""
+def route(edge: Edge, is_back: bool, depth: dict[str, int], slots: dict[str, Slot], layers: Layers) -> DrawnLine:
+    """Return a connection; adds slots in the columns that it passes."""
     first, last = reversed(edge) if is_back else edge
     path = [slots[first]]
     for column in range(depth[first] + 1, depth[last]):
@@ -165,7 +186,7 @@ def route(edge: Edge, is_back: bool, depth: dict[str, int], slots: dict[str, Slo
     for slot, neighbor in pairwise(path):
         slot.behind.append((neighbor, edge))
         neighbor.before.append((slot, edge))
-    return path
+    return DrawnLine(edge, is_back, path)
 
 
 def arrange(layers: Layers) -> None:
@@ -207,65 +228,49 @@ def port_height(slot: Slot, other: Slot, edge: Edge, is_right: bool) -> float:
     return slot.y + (neighbors.index((other, edge)) - (len(neighbors) - 1) / 2) * step
 
 
-def draw_line(
-    slots: list[Slot],
-    edge: Edge,
-    is_back: bool,
-    left: dict[int, float],
-    width: float,
-    texts: list[str],
-) -> str:
+def draw_line(line: DrawnLine, texts: list[str]) -> str:
     """Draw a connection with its arrow; a tooltip lists the signals."""
     path = ""
-    for slot, neighbor in pairwise(slots):
-        begin, end = left[id(slot)] + width, left[id(neighbor)]
-        high, low = port_height(slot, neighbor, edge, True), port_height(neighbor, slot, edge, False)
+    for slot, neighbor in pairwise(line.slots):
+        begin, end = slot.x + line.width, neighbor.x
+        high, low = port_height(slot, neighbor, line.edge, True), port_height(neighbor, slot, line.edge, False)
         middle = (begin + end) / 2
         path += f"{'L' if path else 'M'}{begin:.1f} {high:.1f}C{middle:.1f} {high:.1f} {middle:.1f} {low:.1f} {end:.1f} {low:.1f}"
-    x, y = arrow_tip(slots, edge, is_back, left, width)
-    tail = x + 7 if is_back else x - 7
-    color = BACKWARD if is_back else FORWARD
-    title = escape("\n".join(texts) or " → ".join(edge))
+    x, y = line.tip
+    tail = x + 7 if line.is_back else x - 7
+    title = escape("\n".join(texts) or " → ".join(line.edge))
     return (
-        f'<g stroke="{color}" fill="none"><title>{title}</title><path stroke-width="1.4" d="{path}"/>'
-        f'<path fill="{color}" d="M{x:.1f} {y:.1f}L{tail:.1f} {y - 3.5:.1f}L{tail:.1f} {y + 3.5:.1f}Z"/>'
+        f'<g stroke="{line.color}" fill="none"><title>{title}</title><path stroke-width="1.4" d="{path}"/>'
+        f'<path fill="{line.color}" d="M{x:.1f} {y:.1f}L{tail:.1f} {y - 3.5:.1f}L{tail:.1f} {y + 3.5:.1f}Z"/>'
         f'<path stroke="transparent" stroke-width="10" d="{path}"/></g>'
     )
 
 
-def arrow_tip(
-    slots: list[Slot], edge: Edge, is_back: bool, left: dict[int, float], width: float
-) -> tuple[float, float]:
-    """Return where the arrow of a connection ends [px]."""
-    if is_back:
-        return left[id(slots[0])] + width, port_height(slots[0], slots[1], edge, True)
-    return left[id(slots[-1])], port_height(slots[-1], slots[-2], edge, False)
-
-
-def draw_label(slots: list[Slot], edge: Edge, is_back: bool, left: dict[int, float], width: float, label: str) -> str:
+def draw_label(line: DrawnLine, label: str) -> str:
     """Draw the label of a connection above its arrow, with a margin in the color of the page that hides other lines."""
-    x, y = arrow_tip(slots, edge, is_back, left, width)
+    x, y = line.tip
     return (
-        f'<text x="{x + (9 if is_back else -9):.1f}" y="{y - 2.5:.1f}" text-anchor="{"start" if is_back else "end"}" '
-        f'font-size="10" fill="{BACKWARD if is_back else FORWARD}" '
+        f'<text x="{x + (9 if line.is_back else -9):.1f}" y="{y - 2.5:.1f}" text-anchor="{"start" if line.is_back else "end"}" '
+        f'font-size="10" fill="{line.color}" '
         f'style="paint-order: stroke; stroke: var(--card, #fff); stroke-width: 2.5px">{escape(label)}</text>'
     )
 
 
-def draw_self_loop(slot: Slot, x: float, width: float, texts: Iterable[str]) -> str:
+def draw_self_loop(slot: Slot, width: float, texts: Iterable[str]) -> str:
     """Draw the connection of a member to itself."""
-    middle, top = x + width / 2, slot.y - slot.height / 2
+    middle, top = slot.x + width / 2, slot.y - slot.height / 2
     title = escape("\n".join(texts))
     path = f"M{middle + 14:.1f} {top:.1f}C{middle + 18:.1f} {top - 14:.1f} {middle - 18:.1f} {top - 14:.1f} {middle - 14:.1f} {top:.1f}"
     return f'<path stroke="{BACKWARD}" fill="none" stroke-width="1.4" d="{path}"><title>{title}</title></path>'
 
 
-def draw_box(slot: Slot, x: float, width: float, name: str, text: str, component: str) -> str:
+def draw_box(slot: Slot, width: float, text: str, component: str) -> str:
     """Draw a member: its name, and its component below."""
-    middle, top = x + width / 2, slot.y - slot.height / 2
+    name = slot.member
+    middle, top = slot.x + width / 2, slot.y - slot.height / 2
     return (
         f"<g><title>{escape(f'{name}: {component}')}</title>"
-        f'<rect x="{x:.1f}" y="{top:.1f}" width="{width:.1f}" height="{slot.height:.0f}" rx="7" '
+        f'<rect x="{slot.x:.1f}" y="{top:.1f}" width="{width:.1f}" height="{slot.height:.0f}" rx="7" '
         f'fill="#8882" stroke="currentColor" stroke-opacity=".45"/>'
         f'<text x="{middle:.1f}" y="{slot.y - 2:.1f}" text-anchor="middle" font-weight="600" fill="currentColor">{escape(name)}</text>'
         f'<text x="{middle:.1f}" y="{slot.y + 12:.1f}" text-anchor="middle" font-size="10" fill="currentColor" '

@@ -48,6 +48,11 @@ class RowField:
 TICK_FIELD = RowField(0)
 
 
+def row_fields(layout: Mapping[str, Any]) -> dict[str, RowField]:
+    """Return the fields of the variables in a recorded layout."""
+    return {name: RowField(first, tuple(shape), kind) for name, first, shape, kind, *_ in layout["columns"]}
+
+
 @dataclass
 class RowFile:
     """Rows of a file up to tick `last`; a truncated last row is ignored.

@@ -213,9 +213,7 @@ def read_signals(
     return result, {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a file atomically."""
-    write_atomically(path, text)
+write_text = write_atomically
 
 
 def write_summary(path: Path, summary: Mapping[str, Any]) -> None:

@@ -223,8 +223,9 @@ def read_case_signals(
     if not layout:
         return Signals(np.zeros(0), {}, complete=complete)
     recorded = rows.RowFile(folder / f"{number}.rows", layout["words"], LARGE_FILE, SLICE_SIZE, last)
-    fields = {name: rows.RowField(first, tuple(shape), kind) for name, first, shape, kind, *_ in layout["columns"]}
-    time, values = rows.read_columns(recorded, fields, (layout["begin"], layout["step"], layout["per_second"]))
+    time, values = rows.read_columns(
+        recorded, rows.row_fields(layout), (layout["begin"], layout["step"], layout["per_second"])
+    )
     units = {name: unit for name, _, _, _, unit, _ in layout["columns"]}
     displayed = {name: unit for name, _, _, _, _, unit in layout["columns"] if unit}
     return Signals(time, values, units, complete, displayed)

@@ -9,22 +9,20 @@ from typing import TYPE_CHECKING, Any
 from twin.errors import CouplingError
 from twin.scenario.keys import quantities
 from twin.scenario.resolution.variable_names import find, nearest
-from twin.scenario.spec import ControlSpec
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping
 
     from twin.coupling import Catalog, MemberVariable
-    from twin.scenario.keys.schema import ScenarioKeys, TargetKeys, WarningKeys
+    from twin.scenario.keys.schema import ControlKeys, TargetKeys, WarningKeys
     from twin.scenario.spec import Case, ScenarioSpec
-    from twin.scenario.yaml_files.yaml_node import Node
 
 
 @dataclass(frozen=True)
 class ResolvedControl:
     """A control resolved against its input. `low`, `high`, `rest` are in the input's unit; 0 and 1 for a Boolean."""
 
-    spec: ControlSpec
+    spec: ControlKeys
     variable: MemberVariable
     low: float
     high: float
@@ -32,26 +30,15 @@ class ResolvedControl:
     along: Mapping[str, Any]
 
 
-def controls(keys: ScenarioKeys, tree: Node) -> tuple[ControlSpec, ...]:
-    """Create the control specifications from the validated keys."""
-    return tuple(
-        ControlSpec(
-            **control.model_dump()
-            | {key: tuple(getattr(control, key)) for key in ("keys", "buttons", "variants")}
-            | {"label": control.label or control.input},
-            where=str(tree.find(("console", "controls", i)).location),
-        )
-        for i, control in enumerate(keys.console.controls)
-    )
-
-
 def check_console(scenario: ScenarioSpec) -> list[str]:
     """Check controls without variables: variants that do not exist, keys or buttons assigned twice."""
-    problems, control_by_device = [], dict[tuple[str, Any], ControlSpec]()
+    problems: list[str] = []
+    control_by_device: dict[tuple[str, Any], ControlKeys] = {}
     variant_names = [case.variant for case in scenario.variants]
-    for control in scenario.console:
+    for i, control in enumerate(scenario.console):
+        where = location(scenario, "controls", i)
         problems += [
-            f"{control.where}: console: there is no variant `{name}`.{nearest(name, variant_names)}"
+            f"{where}: console: there is no variant `{name}`.{nearest(name, variant_names)}"
             for name in control.variants
             if name not in variant_names
         ]
@@ -61,12 +48,17 @@ def check_console(scenario: ScenarioSpec) -> list[str]:
             other_control = control_by_device.setdefault(device, control)
             if other_control is not control and share_variant(other_control, control):
                 problems.append(
-                    f"{control.where}: console: {device[0]} {device[1]} moves {other_control.input} too. Use another one."
+                    f"{where}: console: {device[0]} {device[1]} moves {other_control.input} too. Use another one."
                 )
     return problems
 
 
-def share_variant(first: ControlSpec, second: ControlSpec) -> bool:
+def location(scenario: ScenarioSpec, *keys: str | int) -> str:
+    """Return file:line of a key of `console`."""
+    return str(scenario.tree.find(("console", *keys)).location)
+
+
+def share_variant(first: ControlKeys, second: ControlKeys) -> bool:
     """Whether two controls are active in the same variant."""
     return not first.variants or not second.variants or not {*first.variants}.isdisjoint(second.variants)
 
@@ -79,7 +71,7 @@ def in_any_case(resolve: Callable[[Catalog], Any]) -> Callable[[Case, Catalog], 
 def check_controls(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list[str]:
     """Check controls against the members' variables."""
     problems = []
-    for control in scenario.console:
+    for i, control in enumerate(scenario.console):
         reasons = []
         cases = [case for case in scenario.variants if case.variant in (control.variants or catalogs)]
         for case in cases:
@@ -88,7 +80,7 @@ def check_controls(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> l
             except CouplingError as error:
                 reasons.append(error.problems[0])
         if reasons and (control.variants or len(reasons) == len(cases)):
-            problems.append(f"{control.where}: console: {reasons[0]}")
+            problems.append(f"{location(scenario, 'controls', i)}: console: {reasons[0]}")
     resolvers: dict[tuple[Any, ...], Callable[[Case, Catalog], Any]] = {
         ("parameters", name): partial(slider_range, scenario, name=name) for name in scenario.console_parameters
     }
@@ -104,7 +96,7 @@ def check_controls(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> l
             except CouplingError as error:
                 reasons.append(error.problems[0])
         if len(reasons) == len(scenario.variants):
-            problems.append(f"{scenario.tree.find(('console', *key)).location}: console: {reasons[0]}")
+            problems.append(f"{location(scenario, *key)}: console: {reasons[0]}")
     return problems
 
 
@@ -173,7 +165,7 @@ def connected(case: Case, catalog: Catalog) -> set[str]:
     return targets | {name.partition("[")[0] for name in targets}
 
 
-def resolve_control(spec: ControlSpec, catalog: Catalog, targets: Collection[str]) -> ResolvedControl:
+def resolve_control(spec: ControlKeys, catalog: Catalog, targets: Collection[str]) -> ResolvedControl:
     """Resolve a control against its input; CouplingError if it is invalid."""
     variable = free_input(spec.input, catalog, targets)
     for name, value in spec.along.items():

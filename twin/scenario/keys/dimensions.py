@@ -22,10 +22,11 @@ Variables = dict[str, "tuple[MemberVariable, bool]"]
 
 
 @dataclass(frozen=True)
-class UnitDeclaration:
-    """An expression of a scenario and its declared unit, "" if none.
+class ExpressionUse:
+    """An expression of a scenario and its declared unit, "" if none. No `variants`: all variants that have its signals.
 
-    `key`: the YAML key to correct; `name`: replaces the expression's text in messages.
+    `needed`: variants that require its signals; None: their names are checked elsewhere. `key`: the YAML key to correct;
+    `name`: replaces the expression's text in messages; `unit_where`: location of the unit, if it is not `where`.
     """
 
     where: str
@@ -33,60 +34,55 @@ class UnitDeclaration:
     expression: Expression
     unit: str = ""
     variants: tuple[str, ...] = ()
+    needed: tuple[str, ...] | None = ()
     key: str = "unit"
     name: str = ""
+    unit_where: str = ""
 
 
-def unit_declarations(scenario: ScenarioSpec) -> Iterable[UnitDeclaration]:
-    """Yield every expression of a scenario with its declared unit."""
+def expression_uses(scenario: ScenarioSpec) -> Iterable[ExpressionUse]:
+    """Yield every expression of analyses, metrics, expectations, conditions, plots and scenes."""
     for analysis in scenario.analyses:
+        what, variants = f"analyses.{analysis.name}", analysis.variants
         for name, expression in analysis.inputs.items():
-            yield UnitDeclaration(
-                analysis.where, f"analyses.{analysis.name}.{name}", expression, variants=analysis.variants
-            )
+            yield ExpressionUse(analysis.where, f"{what}.{name}", expression, "", variants, variants)
     for name, metric in scenario.metrics.items():
-        where = str(scenario.tree.find(("metrics", name, "unit")).location)
-        yield UnitDeclaration(where, f"metrics.{name}", metric.signal, metric.unit, metric.variants)
-    for expectation in scenario.expectations:
-        what = f"expect {expectation.name}".rstrip()
-        judged = scenario.metrics.get(expectation.metric or "")
-        if judged is not None and expectation.unit != judged.unit:  # otherwise the metric reports the problem
+        expectations = [item for item in scenario.expectations if item.metric == name]
+        lists = [(item.ordered if item.excluded else (*item.variants, *item.ordered)) for item in expectations]
+        tested = tuple(dict.fromkeys(variant for variants in lists for variant in variants))
+        where, variants = str(scenario.tree.find(("metrics", name, "unit")).location), metric.variants
+        yield ExpressionUse(
+            metric.where, f"metrics.{name}", metric.signal, metric.unit, variants, variants or tested, unit_where=where
+        )
+    for item in scenario.expectations:
+        what = f"expect {item.name}".rstrip()
+        judged = scenario.metrics.get(item.metric or "")
+        if judged is not None and item.unit != judged.unit:  # otherwise the metric reports the problem
             name = f"metric `{judged.name}`"
-            yield UnitDeclaration(
-                expectation.where, what, judged.signal, expectation.unit, judged.variants, "limits", name
-            )
-        elif expectation.signal is not None:
-            yield UnitDeclaration(
-                expectation.where, what, expectation.signal, expectation.unit, expectation.variants, "limits"
-            )
+            yield ExpressionUse(item.where, what, judged.signal, item.unit, judged.variants, None, "limits", name)
+        elif item.signal is not None:
+            needed = () if item.excluded else item.variants
+            yield ExpressionUse(item.where, what, item.signal, item.unit, item.variants, needed, "limits")
     for case in scenario.variants:
+        variants = (case.variant,)
         for condition in case.conditions:
-            for comparison in condition.condition.comparisons:
-                yield UnitDeclaration(
-                    condition.where, "when", comparison.expression, comparison.unit, (case.variant,), "limits"
-                )
+            for each in condition.condition.comparisons:
+                yield ExpressionUse(condition.where, "when", each.expression, each.unit, variants, variants, "limits")
     for plot in scenario.plots:
-        what = f"plot `{plot.title}`"
         for curve in plot.curves:
-            yield UnitDeclaration(plot_location(scenario, plot, "unit"), what, curve.signal, plot.unit, plot.variants)
-            if curve.x is not None:
-                yield UnitDeclaration(
-                    plot_location(scenario, plot, "x_unit"), what, curve.x, plot.x_unit, plot.variants, "x_unit"
-                )
+            for key, operand, unit in (("unit", curve.signal, plot.unit), ("x_unit", curve.x, plot.x_unit)):
+                if operand is not None:
+                    where = plot_location(scenario, plot, key)
+                    what = f"plot `{plot.title}`"
+                    yield ExpressionUse(plot.where, what, operand, unit, plot.variants, key=key, unit_where=where)
     for scene in scenario.scenes:
-        what = f"scene `{scene.title}`"
-        yield from (
-            UnitDeclaration(scene.where, what, expression, "m", scene.variants, "length")
-            for expression in scene.lengths
-        )
-        yield from (
-            UnitDeclaration(scene.where, f"{what}: space", expression, unit, scene.variants, key)
-            for key, expression, unit, _ in (scene.space.expressions if scene.space else ())
-        )
-        yield from (
-            UnitDeclaration(scene.where, what, expression.signal, scene.unit, scene.variants)
-            for expression in scene.curves
-        )
+        what, variants = f"scene `{scene.title}`", scene.variants
+        for expression in scene.lengths:
+            yield ExpressionUse(scene.where, what, expression, "m", variants, key="length")
+        for key, expression, unit, _ in scene.space.expressions if scene.space else ():
+            yield ExpressionUse(scene.where, f"{what}: space", expression, unit, variants, None, key)
+        for curve in scene.curves:
+            yield ExpressionUse(scene.where, what, curve.signal, scene.unit, variants)
 
 
 def plot_location(scenario: ScenarioSpec, plot: Plot, key: str) -> str:
@@ -101,7 +97,7 @@ def plot_location(scenario: ScenarioSpec, plot: Plot, key: str) -> str:
 def check_units(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list[str]:
     """Report sums and comparisons of different dimensions, and declared units of another dimension; unknown units are skipped."""
     problems = []
-    for declaration in unit_declarations(scenario):
+    for declaration in expression_uses(scenario):
         variables_by_variant = {
             name: variables
             for name in declaration.variants or catalogs
@@ -118,7 +114,8 @@ def check_units(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list
                 reason_by_variant[name] = reason_by_units[units]
         for name, reason in list(reason_by_variant.items())[:1]:
             variant = "" if len(reason_by_variant) == len(variables_by_variant) else f"in variant `{name}`: "
-            problems.append(f"{declaration.where}: {declaration.what}: {variant}{reason}")
+            where = declaration.unit_where or declaration.where
+            problems.append(f"{where}: {declaration.what}: {variant}{reason}")
     for plot in scenario.plots:
         over_time = plot.x_unit and all(curve.x is None for curve in plot.curves)
         if over_time and not dimension.unit_measure(plot.x_unit).is_compatible(dimension.unit_measure("s")):
@@ -154,7 +151,7 @@ def measure(expression: Expression, variables: Variables) -> dimension.Measure:
     )
 
 
-def problem(declaration: UnitDeclaration, variables: Variables) -> str:
+def problem(declaration: ExpressionUse, variables: Variables) -> str:
     """Return why the units of an expression or its declared unit are inconsistent, or ""."""
     try:
         measured = measure(declaration.expression, variables)
@@ -188,7 +185,7 @@ def preferred(measured: dimension.Measure, variables: Variables) -> str:
 
 def displayed(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> ScenarioSpec:
     """Return the scenario with display units for metrics, expectations and plots that declare none."""
-    all_catalogs = {variant: {**catalog, **scenario.derived(variant)} for variant, catalog in catalogs.items()}
+    all_catalogs = scenario.with_derived(catalogs)
 
     def common_unit(expressions: Sequence[Expression], variants: tuple[str, ...]) -> str:
         """Return the display unit of the first expression if all have the same dimension."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from twin.component import catalog
 from twin.errors import TwinError, printable
 from twin.scenario.yaml_files.member_removal import members
-from twin.scenario.yaml_files.yaml_node import Node
+from twin.scenario.yaml_files.yaml_node import Node, SourceLocation
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -31,7 +31,7 @@ def former_names(cls: type[Component]) -> dict[str, str]:
 
 
 def renamer(trees: Iterable[Node], classes: Mapping[str, type[Component]]) -> Callable[[Node], Node] | None:
-    """Return a function that puts present names in place of former ones; None if the members' components have none.
+    """Return a function that puts present names in place of former ones and logs the first; None if the components have none.
 
     A name that another component of the same member, in another variant, still has is left.
     """
@@ -60,48 +60,32 @@ def renamer(trees: Iterable[Node], classes: Mapping[str, type[Component]]) -> Ca
     choice = "|".join(map(re.escape, sorted(paths, key=len, reverse=True)))
     pattern = re.compile(rf"(?<![\w.])(?:{choice})(?!\w)")
 
-    def renamed(text: str, owner: str = "") -> str:
-        """Return a key or a value with present names; `owner`: the member whose parameter a key is."""
-        if owner:
-            return pattern.sub(lambda match: paths[match[0]], f"{owner}.{text}").removeprefix(f"{owner}.")
-        return pattern.sub(lambda match: paths[match[0]], text)
+    notes: list[str] = []
+
+    def renamed(text: str, location: SourceLocation, owner: str = "") -> str:
+        """Return a key or a value with present names; the first change is logged. `owner`: of the parameter that a key is."""
+        prefix = f"{owner}." * bool(owner)
+        new = pattern.sub(lambda match: paths[match[0]], f"{prefix}{text}").removeprefix(prefix)
+        return note(text, new, location)
+
+    def note(old: str, new: str, location: SourceLocation) -> str:
+        if old != new and not notes:
+            notes.append(f"note: {location}: `{old}` is now `{new}`; the old name ends with the next release.")
+            logging.getLogger("twin").warning(printable(notes[0]))
+        return new
 
     def rename(node: Node, path: tuple[str, ...] = ()) -> Node:
         if isinstance(node.value, list):
-            return Node([rename(item, path) for item in node.items], node.location)
+            return node.map(lambda item: rename(item, path))
         if isinstance(node.value, str):
-            return Node(renamed(node.value), node.location)
-        if not isinstance(node.value, dict):
-            return node
+            return Node(renamed(node.value, node.location), node.location)
         owner = path[-2] if path[-1:] == ("parameters",) and path[-3:-2] == ("members",) else ""
         names = by_component.get(path[-1], {}) if path[-2:-1] == ("parameter_sets",) else {}
-        return Node(
-            {
-                names.get(key) or renamed(key, owner): item if key in TEXTS else rename(item, (*path, key))
-                for key, item in node.entries.items()
-            },
-            node.location,
-        )
+        entries = {}
+        for key, item in node.entries.items():
+            known = names.get(key)
+            new = note(key, known, item.location) if known else renamed(key, item.location, owner)
+            entries[new] = item if key in TEXTS else rename(item, (*path, key))
+        return Node(entries, node.location) if isinstance(node.value, dict) else node
 
     return rename
-
-
-def report(before: Node, after: Node) -> None:
-    """Log one line on the first key or value that `renamer` has changed."""
-    if before.value == after.value:
-        return
-    for (old, old_item), (new, new_item) in zip(children(before), children(after), strict=True):
-        if old != new:
-            text = f"note: {old_item.location}: `{old}` is now `{new}`; the old name ends with the next release."
-            logging.getLogger("twin").warning(printable(text))
-            return
-        if old_item.value != new_item.value:
-            report(old_item, new_item)
-            return
-
-
-def children(node: Node) -> list[tuple[object, Node]]:
-    """Return (key, node) of a dict, ("", node) of a list, and (value, node) of a scalar."""
-    if isinstance(node.value, dict):
-        return list(node.entries.items())
-    return [("", item) for item in node.items] if isinstance(node.value, list) else [(node.value, node)]

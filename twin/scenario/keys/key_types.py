@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator
 
 from twin import clock
 from twin.coupling import Algorithm
 from twin.errors import CouplingError, ScenarioError
-from twin.results import Expression, expression
+from twin.results import expression
 from twin.scenario.keys import conditions
-from twin.scenario.keys.conditions import ConditionExpression
 from twin.scenario.keys.quantities import duration, nanoseconds, number, raw, short
 from twin.scenario.resolution.variable_names import nearest
 
@@ -59,20 +58,16 @@ def pattern(value: Any) -> str:
     return value
 
 
-def parsed(value: Any) -> Expression:
-    """Parse an expression."""
-    try:
-        return expression.parse(value)
-    except ScenarioError as error:
-        raise ValueError(str(error)) from None
+def parsed_by(parse: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Return a parser whose errors pydantic reports."""
 
+    def parsed(value: Any) -> Any:
+        try:
+            return parse(value)
+        except ScenarioError as error:
+            raise ValueError(str(error)) from None
 
-def parsed_condition(value: Any) -> ConditionExpression:
-    """Parse a condition."""
-    try:
-        return conditions.parse(value)
-    except ScenarioError as error:
-        raise ValueError(str(error)) from None
+    return parsed
 
 
 def fraction(value: Any) -> float:
@@ -141,6 +136,10 @@ def as_list(value: Any) -> Any:
     return value if isinstance(value, list) else [value]
 
 
+Item = TypeVar("Item")
+Some = Annotated[list[Item], BeforeValidator(as_list)]  # one value, or a list of them
+Pair = Annotated[list[Item], Field(min_length=2, max_length=2)]
+UpToTwo = Annotated[tuple[Item, ...], BeforeValidator(as_list), Field(max_length=2)]
 Time = Annotated[int, BeforeValidator(nanoseconds)]
 Period = Annotated[int, BeforeValidator(period)]
 Moment = Annotated[clock.Time, PlainValidator(duration)]  # of the simulation: any ratio, such as 1/30 s
@@ -149,8 +148,8 @@ Text = Annotated[str, BeforeValidator(text)]
 Reference = Annotated[str, BeforeValidator(reference)]
 Pattern = Annotated[str, BeforeValidator(pattern)]
 Value = Annotated[Any, BeforeValidator(raw)]
-Signal = Annotated[Any, BeforeValidator(parsed)]
-Condition = Annotated[Any, BeforeValidator(parsed_condition)]
+Signal = Annotated[Any, BeforeValidator(parsed_by(expression.parse))]
+Condition = Annotated[Any, BeforeValidator(parsed_by(conditions.parse))]
 Seed = Annotated[int, Field(strict=True, ge=0, lt=2**31)]
 Method = Annotated[Any, BeforeValidator(algorithm)]
 Threads = Annotated[int | None, BeforeValidator(thread_limit)]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from copy import copy
+from typing import TYPE_CHECKING, Any, Self
 
 from twin import clock
 from twin.errors import CouplingError
@@ -19,9 +20,14 @@ if TYPE_CHECKING:
     from twin.scenario.yaml_files.yaml_node import Node
     from twin.scene import Scene
 
+Path = tuple[str | int, ...]
+
 
 class Builder:
-    """Converter of analyses, metrics, expectations, plots and scenes; collects their problems."""
+    """Converter of analyses, metrics, expectations, plots and scenes; collects their problems.
+
+    `path`: of the entry that is converted; `what`: its name in messages.
+    """
 
     def __init__(self, keys: ScenarioKeys, tree: Node, variants: list[str], metrics: Iterable[str]) -> None:
         self.keys = keys
@@ -29,51 +35,64 @@ class Builder:
         self.variants = variants
         self.metrics = metrics  # all names in the file, including invalid metrics
         self.problems: list[str] = []
+        self.path: Path = ()
+        self.what = ""
 
-    def problem(self, path: tuple[str | int, ...], message: str) -> None:
-        """Add a problem at a path of the tree."""
-        self.problems.append(f"{self.tree.find(path).location}: {message}")
+    def at(self, path: Path, what: str) -> Self:
+        """Return the converter of an entry."""
+        entry = copy(self)
+        entry.path, entry.what = path, what
+        return entry
 
-    def si(
-        self, path: tuple[str | int, ...], raw: Any, unit: str, what: str, is_difference: bool = False
-    ) -> float | None:
-        """Convert a value to SI; None if absent or invalid. `unit`: its display unit, which must have the same dimension."""
+    def where(self, *keys: str | int) -> str:
+        """Return file:line of the entry, or of a key of it."""
+        return str(self.tree.find((*self.path, *keys)).location)
+
+    def problem(self, message: str, *keys: str | int) -> None:
+        """Add a problem of the entry, or of a key of it."""
+        self.problems.append(f"{self.where(*keys)}: {self.what}: {message}")
+
+    def si(self, raw: Any, unit: str, *keys: str | int, name: str = "", is_difference: bool = False) -> float | None:
+        """Convert a value to SI; None if absent or invalid. `unit`: its display unit, which must have the same dimension.
+
+        `name`: of the value in messages, after that of the entry.
+        """
         try:
-            return None if raw is None else quantities.si(raw, unit, what, is_difference)
+            return None if raw is None else quantities.si(raw, unit, f"{self.what}{name}", is_difference)
         except CouplingError as error:
-            self.problem(path, str(error))
+            self.problems.append(f"{self.where(*keys)}: {error}")
             return None
 
-    def unit(self, path: tuple[str | int, ...], unit: str, what: str) -> str:
+    def unit(self, unit: str, key: str) -> str:
         """Return a unit; report an unknown one and return ""."""
         try:
             quantities.to_si(unit)
         except CouplingError:
-            self.problem(path, f"{what}: unit `{unit}` is not known. Write it like N, mm/s, mm/(s*N), deg.")
+            self.problem(f"unit `{unit}` is not known. Write it like N, mm/s, mm/(s*N), deg.", key)
             return ""
         return unit
 
-    def existing_variants(self, path: tuple[str | int, ...], names: Iterable[str], what: str) -> tuple[str, ...]:
-        """Return the names that are variants; report the others and duplicates."""
-        names = list(names)
-        for name in names:
-            if name not in self.variants:
-                self.problem(path, f"{what}: there is no variant `{name}`.{nearest(name, self.variants)}")
-        for name in {name for name in names if names.count(name) > 1}:
-            self.problem(path, f"{what}: variant `{name}` is given twice. Keep one.")
-        return tuple(name for name in names if name in self.variants)
+    def existing_variants(self, names: Iterable[str], key: str, name: str = "") -> tuple[str, ...]:
+        """Return the names that are variants; report the others and duplicates. `name`: of the key in messages."""
+        names, entry = list(names), self.at(self.path, f"{self.what}{name}")
+        for variant in names:
+            if variant not in self.variants:
+                entry.problem(f"there is no variant `{variant}`.{nearest(variant, self.variants)}", key)
+        for variant in {variant for variant in names if names.count(variant) > 1}:
+            entry.problem(f"variant `{variant}` is given twice. Keep one.", key)
+        return tuple(variant for variant in names if variant in self.variants)
 
-    def window(self, path: tuple[str | int, ...], keys: WindowKeys, what: str) -> Window:
+    def window(self, keys: WindowKeys) -> Window:
         """Create a time window; report one that is empty or outside the longest variant's run."""
         begin, end = self.keys.start_time, self.end
         start, stop = keys.start, keys.stop
         span = f"outside the run, {clock.text(begin)} to {clock.text(end or 0)}. Change it or stop_time."
         if start is not None and not (begin <= start and (end is None or start < end)):
-            self.problem((*path, "from"), f"{what}: from {clock.text(start)} lies {span}")
+            self.problem(f"from {clock.text(start)} lies {span}", "from")
         elif stop is not None and stop < begin:
-            self.problem((*path, "to"), f"{what}: to {clock.text(stop)} lies {span}")
+            self.problem(f"to {clock.text(stop)} lies {span}", "to")
         elif start is not None and stop is not None and stop <= start:
-            self.problem((*path, "to"), f"{what}: to is not after from. Swap them.")
+            self.problem("to is not after from. Swap them.", "to")
         return Window(start, stop)
 
     @property
@@ -85,54 +104,55 @@ class Builder:
 
     def metric(self, name: str, keys: MetricKeys) -> Metric:
         """Create a metric with its reference values converted."""
-        path, what = ("metrics", name), f"metrics.{name}"
+        entry = self.at(("metrics", name), f"metrics.{name}")
         reference = keys.reference if isinstance(keys.reference, dict) else {}
         if keys.reference is not None and not isinstance(keys.reference, dict):
             reference = dict.fromkeys(self.variants, keys.reference)
-        self.existing_variants((*path, "reference"), reference, f"{what}.reference")
-        unit = self.unit((*path, "unit"), keys.unit, what) or first_unit(reference.values())
+        entry.existing_variants(reference, "reference", ".reference")
+        unit = entry.unit(keys.unit, "unit") or first_unit(reference.values())
         if keys.tolerance is not None and not reference:
-            self.problem((*path, "tolerance"), f"{what}: a tolerance needs a figure to compare with. Add `reference`.")
-        window = self.window(path, keys, what)
-        where = str(self.tree.find(path).location)
-        variants = self.existing_variants((*path, "variants"), keys.variants, f"{what}.variants")
+            entry.problem("a tolerance needs a figure to compare with. Add `reference`.", "tolerance")
+        window = entry.window(keys)
+        variants = entry.existing_variants(keys.variants, "variants", ".variants")
         metric = Metric(
-            name, keys.signal, keys.reduce, window, unit, {}, keys.tolerance, variants, keys.description, where
+            name, keys.signal, keys.reduce, window, unit, {}, keys.tolerance, variants, keys.description, entry.where()
         )
         for variant, raw in reference.items():
-            figure = self.si((*path, "reference", variant), raw, unit, f"{what}.reference", metric.is_difference)
+            figure = entry.si(raw, unit, "reference", variant, name=".reference", is_difference=metric.is_difference)
             if figure is not None and variant in self.variants:
                 metric.paper[variant] = figure
         return metric
 
     def expectation(self, index: int, keys: ExpectKeys, metrics: dict[str, Metric]) -> Expectation:
         """Create an expectation; report combinations of keys that are not allowed."""
-        path, what = ("expect", index), f"expect {keys.name}".rstrip()
+        entry = self.at(("expect", index), f"expect {keys.name}".rstrip())
         metric = metrics.get(keys.metric or "")
         if keys.metric is not None and keys.metric not in self.metrics:
-            self.problem((*path, "metric"), f"{what}: no metric `{keys.metric}`.{nearest(keys.metric, self.metrics)}")
+            entry.problem(f"no metric `{keys.metric}`.{nearest(keys.metric, self.metrics)}", "metric")
         if [keys.metric, keys.signal, keys.ends].count(None) != 2:
-            self.problem(path, f"{what}: give either `metric` or `signal`, or `ends`.")
-        self.check_combination(path, keys, metric, what)
+            entry.problem("give either `metric` or `signal`, or `ends`.")
+        entry.check_combination(keys, metric)
         low, high = keys.within or (keys.at_least, keys.at_most)
-        unit = self.unit((*path, "unit"), keys.unit, what) or (metric.unit if metric else "") or first_unit((low, high))
+        unit = entry.unit(keys.unit, "unit") or (metric.unit if metric else "") or first_unit((low, high))
         is_difference = (
             metric.is_difference if metric else keys.signal is not None and dimension.is_difference(keys.signal)
         )
-        at_least = self.si((*path, "within" if keys.within else "at_least"), low, unit, what, is_difference)
-        at_most = self.si((*path, "within" if keys.within else "at_most"), high, unit, what, is_difference)
-        excluded = self.existing_variants((*path, "except"), keys.excluded, what)
-        variants = self.existing_variants((*path, "variants"), keys.variants, what)
+        at_least, at_most = (
+            entry.si(raw, unit, "within" if keys.within else key, is_difference=is_difference)
+            for key, raw in (("at_least", low), ("at_most", high))
+        )
+        excluded = entry.existing_variants(keys.excluded, "except")
+        variants = entry.existing_variants(keys.variants, "variants")
         if excluded:
             candidates = metric.variants if metric is not None and metric.variants else self.variants
             variants = tuple(name for name in candidates if name not in excluded)
             for key, names in {"variants": keys.variants, "ordered": keys.ordered}.items():
                 if names:
-                    self.problem((*path, "except"), f"{what}: `{key}` names the variants already. Leave `except` out.")
+                    entry.problem(f"`{key}` names the variants already. Leave `except` out.", "except")
             if not variants:
-                self.problem((*path, "except"), f"{what}: no variant is left. Leave the expectation out.")
+                entry.problem("no variant is left. Leave the expectation out.", "except")
         if at_least is not None and at_most is not None and at_least > at_most:
-            self.problem(path, f"{what}: the lower limit is above the upper one. Swap them.")
+            entry.problem("the lower limit is above the upper one. Swap them.")
         return Expectation(
             keys.name,
             keys.metric,
@@ -140,47 +160,49 @@ class Builder:
             variants,
             at_least,
             at_most,
-            self.existing_variants((*path, "ordered"), keys.ordered or (), what),
+            entry.existing_variants(keys.ordered or (), "ordered"),
             keys.descending,
-            self.window(path, keys, what),
+            entry.window(keys),
             keys.unit or first_unit((low, high)) or unit,
             keys.mean,
-            str(self.tree.find(path).location),
+            entry.where(),
             keys.ends or "",
             is_difference,
-            *self.margin(path, keys, unit, what),
+            *entry.margin(keys.margin, unit),
             keys.nominal,
             excluded,
-            self.unlisted(path, keys, metric),
+            entry.unlisted(keys, metric),
         )
 
-    def check_combination(
-        self, path: tuple[str | int, ...], keys: ExpectKeys, metric: Metric | None, what: str
-    ) -> None:
+    def check_combination(self, keys: ExpectKeys, metric: Metric | None) -> None:
         """Report keys of an expectation that cannot stand together."""
         limits = [key for key in ("at_least", "at_most", "within", "ordered") if getattr(keys, key) is not None]
+        is_windowed = keys.start is not None or keys.stop is not None
         if keys.ends is not None and limits:
-            self.problem(path, f"{what}: `ends` has no {limits[0]}. Give `from` and `to` for a stop.")
-        if keys.ends == "completed" and (keys.start is not None or keys.stop is not None):
-            self.problem(path, f"{what}: a run is completed at stop_time. Leave `from` and `to` out.")
+            self.problem(f"`ends` has no {limits[0]}. Give `from` and `to` for a stop.")
+        if keys.ends == "completed" and is_windowed:
+            self.problem("a run is completed at stop_time. Leave `from` and `to` out.")
         if not limits and keys.ends is None:
-            self.problem(path, f"{what}: nothing is expected. Add at_least, at_most, within or ordered.")
+            self.problem("nothing is expected. Add at_least, at_most, within or ordered.")
         if len(limits) > 1 and set(limits) != {"at_least", "at_most"}:
-            self.problem(path, f"{what}: {' and '.join(limits)} cannot stand together. Use two items.")
+            self.problem(f"{' and '.join(limits)} cannot stand together. Use two items.")
         if keys.ordered is not None and keys.signal is not None:
-            self.problem((*path, "ordered"), f"{what}: only metrics can be ordered. Name a metric.")
+            self.problem("only metrics can be ordered. Name a metric.", "ordered")
         if keys.mean and (keys.metric is None or keys.ordered is not None):
-            self.problem((*path, "mean"), f"{what}: the mean is that of a metric within limits. Name a metric.")
-        if metric is not None and (keys.start is not None or keys.stop is not None):
-            self.problem(path, f"{what}: a metric has its own from and to. Give them there.")
-        if metric is not None and metric.variants:
-            self.check_variants(path, keys, metric, what)
+            self.problem("the mean is that of a metric within limits. Name a metric.", "mean")
+        if metric is not None and is_windowed:
+            self.problem("a metric has its own from and to. Give them there.")
+        key = "variants" if keys.variants else "ordered"
+        for name in (keys.variants or keys.ordered or ()) if metric is not None and metric.variants else ():
+            if name in self.variants and metric is not None and name not in metric.variants:
+                known = ", ".join(metric.variants)
+                self.problem(f"`{metric.name}` is not taken in `{name}`, only in {known}. Add it there.", key)
         if keys.margin is not None and keys.ordered is None:
-            self.problem((*path, "margin"), f"{what}: a margin is that of an order. Add `ordered`, or leave it out.")
+            self.problem("a margin is that of an order. Add `ordered`, or leave it out.", "margin")
 
-    def unlisted(self, path: tuple[str | int, ...], keys: ExpectKeys, metric: Metric | None) -> tuple[str, ...]:
+    def unlisted(self, keys: ExpectKeys, metric: Metric | None) -> tuple[str, ...]:
         """Return the variants of the scenario's own file that an inherited list of an expectation or its metric leaves out."""
-        lists = [(*path, "variants")] * bool(keys.variants)
+        lists = [(*self.path, "variants")] * bool(keys.variants)
         lists += [("metrics", metric.name, "variants")] if metric is not None and metric.variants else []
         own_file = self.tree.location.file
         if all(self.tree.find(each).location.file == own_file for each in lists):
@@ -189,72 +211,58 @@ class Builder:
         own = (name for name in self.variants if self.tree.find(("variants", name)).location.file == own_file)
         return tuple(name for name in own if name not in named)
 
-    def check_variants(self, path: tuple[str | int, ...], keys: ExpectKeys, metric: Metric, what: str) -> None:
-        """Report variants of an expectation in which its metric is not taken."""
-        key = "variants" if keys.variants else "ordered"
-        for name in keys.variants or keys.ordered or ():
-            if name in self.variants and name not in metric.variants:
-                metric_variants = ", ".join(metric.variants)
-                self.problem(
-                    (*path, key),
-                    f"{what}: `{metric.name}` is not taken in `{name}`, only in {metric_variants}. Add it there.",
-                )
-
-    def margin(self, path: tuple[str | int, ...], keys: ExpectKeys, unit: str, what: str) -> tuple[float, float]:
+    def margin(self, raw: Any, unit: str) -> tuple[float, float]:
         """Return the margin of an order: absolute in the metric's unit, and relative to the preceding value (`10 %`)."""
-        raw = keys.margin
         is_part = isinstance(raw, str) and raw.rstrip().endswith("%")
         try:
             relative = fraction(raw) if is_part else 0.0
         except ValueError as error:
-            self.problem((*path, "margin"), f"{what}: margin: {error}")
+            self.problem(f"margin: {error}", "margin")
             relative = 0.0
-        absolute = (None if is_part else self.si((*path, "margin"), raw, unit, f"{what}: margin", True)) or 0.0
+        absolute = (None if is_part else self.si(raw, unit, "margin", name=": margin", is_difference=True)) or 0.0
         if absolute < 0.0:
-            self.problem((*path, "margin"), f"{what}: the margin is below zero. Turn the order around instead.")
+            self.problem("the margin is below zero. Turn the order around instead.", "margin")
         return absolute, relative
 
     def plot(self, index: int, keys: PlotKeys) -> Plot:
         """Create a plot."""
-        path, what = ("plots", index), f"plot `{keys.title}`"
+        entry = self.at(("plots", index), f"plot `{keys.title}`")
         if (keys.xy is None) == (not keys.signals):
-            self.problem(path, f"{what}: give either `signals` or `xy: [x, y]`.")
-        curves = tuple(
-            PlotCurve(curve_keys.signal, curve_keys.label or curve_keys.signal.text, curve_keys.x)
-            for curve_keys in keys.signals
-        )
-        if any(curve_keys.x for curve_keys in keys.signals) and not all(curve_keys.x for curve_keys in keys.signals):
-            self.problem((*path, "signals"), f"{what}: some signals have an `x`. Give all of them one, or none.")
+            entry.problem("give either `signals` or `xy: [x, y]`.")
+        curves = tuple(PlotCurve(curve.signal, curve.label or curve.signal.text, curve.x) for curve in keys.signals)
+        if len({curve.x is None for curve in curves}) > 1:
+            entry.problem("some signals have an `x`. Give all of them one, or none.", "signals")
         if keys.xy is not None:
             curves = (PlotCurve(keys.xy[1], keys.xy[1].text, keys.xy[0]),)
-        unit = self.unit((*path, "unit"), keys.unit, what) or first_unit((*(keys.band or ()), *keys.lines))
+        unit = entry.unit(keys.unit, "unit") or first_unit((*(keys.band or ()), *keys.lines))
         differs = bool(curves) and all(dimension.is_difference(curve.signal) for curve in curves)
-        band = [self.si((*path, "band"), raw, unit, f"{what}: band", differs) for raw in keys.band or ()]
-        lines = [self.si((*path, "lines"), raw, unit, f"{what}: lines", differs) for raw in keys.lines]
+        band, lines = (
+            tuple(entry.si(raw, unit, key, name=f": {key}", is_difference=differs) for raw in values)
+            for key, values in (("band", keys.band or ()), ("lines", keys.lines))
+        )
         return Plot(
             keys.title,
             curves,
             keys.label,
             unit,
             keys.x_label,
-            self.unit((*path, "x_unit"), keys.x_unit, what),
-            self.window(path, keys, what),
+            entry.unit(keys.x_unit, "x_unit"),
+            entry.window(keys),
             keys.per == "variant",
             (band[0], band[1]) if len(band) == 2 and band[0] is not None and band[1] is not None else None,
             tuple(line for line in lines if line is not None),
-            self.existing_variants((*path, "variants"), keys.variants, what),
-            str(self.tree.find(path).location),
+            entry.existing_variants(keys.variants, "variants"),
+            entry.where(),
             keys.points,
         )
 
     def analysis(self, name: str, keys: AnalysisKeys) -> Analysis:
         """Create an analysis."""
-        path, what = ("analyses", name), f"analyses.{name}"
+        entry = self.at(("analyses", name), f"analyses.{name}")
         if name in self.keys.members:
-            self.problem(path, f"{what}: a member has this name already. Choose another.")
-        variants = self.existing_variants((*path, "variants"), keys.variants, f"{what}.variants")
-        window, where = self.window(path, keys, what), str(self.tree.find(path).location)
-        return Analysis(name, keys.function, keys.inputs, window, variants, where)
+            entry.problem("a member has this name already. Choose another.")
+        variants = entry.existing_variants(keys.variants, "variants", ".variants")
+        return Analysis(name, keys.function, keys.inputs, entry.window(keys), variants, entry.where())
 
 
 def first_unit(values: Iterable[Any]) -> str:

@@ -26,32 +26,28 @@ POINTS = "2 or 3 numbers for each point"
 
 def scene(builder: Builder, index: int, keys: SceneKeys) -> Scene:
     """Create a scene; problems in its environment's file are reported too."""
-    path, what = ("scenes", index), f"scene `{keys.title}`"
-    scene_environment = environment(builder, path, keys, what)
+    entry = builder.at(("scenes", index), f"scene `{keys.title}`")
+    scene_environment = environment(entry, keys)
     motions = set(scene_environment.motions) if scene_environment else set()
     for name in keys.motions:
         if scene_environment is not None and name not in motions:
             hint = nearest(name, motions) or " It has no moving walls."
-            builder.problem(
-                (*path, "motions", name), f"{what}: no wall of {scene_environment.name} moves with `{name}`.{hint}"
-            )
+            entry.problem(f"no wall of {scene_environment.name} moves with `{name}`.{hint}", "motions", name)
     for name in sorted(motions - set(keys.motions)):
-        builder.problem(path, f"{what}: walls move with `{name}`. Say how far: `motions: {{{name}: member.variable}}`.")
+        entry.problem(f"walls move with `{name}`. Say how far: `motions: {{{name}: member.variable}}`.")
     if not (keys.lines or keys.points or keys.arrows or keys.space):
-        builder.problem(path, f"{what}: shows nothing that moves. Add `lines`, `points`, `arrows` or `space`.")
+        entry.problem("shows nothing that moves. Add `lines`, `points`, `arrows` or `space`.")
     for i, item in enumerate(keys.points):
         if (item.signal is None) == (item.along is None):
-            builder.problem((*path, "points", i), f"{what}: points: give either `signal` or `along`.")
+            entry.problem("points: give either `signal` or `along`.", "points", i)
         elif item.along is not None and not keys.environment:
-            builder.problem(
-                (*path, "points", i), f"{what}: points: `along` needs an environment with a path. Name one."
-            )
+            entry.problem("points: `along` needs an environment with a path. Name one.", "points", i)
     if any(item.x is not None for item in keys.signals):
-        builder.problem((*path, "signals"), f"{what}: signals are shown over time. Leave `x` out.")
+        entry.problem("signals are shown over time. Leave `x` out.", "signals")
     axes = keys.axes or AXES[:2]
     if axes[0] == axes[1]:
-        builder.problem((*path, "axes"), f"{what}: axes: {axes[0]} is given twice. Give two, such as [x, z].")
-    widths = [builder.si((*path, "lines", i), item.width, "m", f"{what}: width") for i, item in enumerate(keys.lines)]
+        entry.problem(f"axes: {axes[0]} is given twice. Give two, such as [x, z].", "axes")
+    widths = [entry.si(item.width, "m", "lines", i, name=": width") for i, item in enumerate(keys.lines)]
     return Scene(
         keys.title,
         scene_environment,
@@ -66,16 +62,16 @@ def scene(builder: Builder, index: int, keys: SceneKeys) -> Scene:
         ),
         tuple(Arrow(item.signal, item.at, item.label or item.signal) for item in keys.arrows),
         tuple(PlotCurve(item.signal, item.label or item.signal.text) for item in keys.signals),
-        builder.unit((*path, "unit"), keys.unit, what),
+        entry.unit(keys.unit, "unit"),
         (AXES.index(axes[0]), AXES.index(axes[1])),
-        builder.window(path, keys, what),
-        builder.existing_variants((*path, "variants"), keys.variants, what),
-        space(builder, (*path, "space"), keys.space, what) if keys.space else None,
-        str(builder.tree.find(path).location),
+        entry.window(keys),
+        entry.existing_variants(keys.variants, "variants"),
+        space(entry, keys.space) if keys.space else None,
+        entry.where(),
     )
 
 
-def environment(builder: Builder, path: tuple[str | int, ...], keys: SceneKeys, what: str) -> Environment | None:
+def environment(entry: Builder, keys: SceneKeys) -> Environment | None:
     """Read the scene's environment; None if it has none or after reporting that it cannot be read."""
     if not keys.environment:
         return None
@@ -83,11 +79,9 @@ def environment(builder: Builder, path: tuple[str | int, ...], keys: SceneKeys, 
         return read_environment(keys.environment)
     except SceneError as error:
         for problem in error.problems:
-            builder.problem((*path, "environment"), f"{what}: {problem}")
+            entry.problem(problem, "environment")
     except OSError as error:
-        builder.problem(
-            (*path, "environment"), f"{what}: {keys.environment}: {error.strerror or error}. Check the path."
-        )
+        entry.problem(f"{keys.environment}: {error.strerror or error}. Check the path.", "environment")
     return None
 
 

@@ -9,15 +9,17 @@ from twin.scenario.keys.key_types import (
     Keys,
     Method,
     Moment,
+    Pair,
     Pattern,
     Reference,
     Seed,
     Signal,
+    Some,
     Step,
     Text,
     Threads,
+    UpToTwo,
     Value,
-    as_list,
     fraction,
     reference_figures,
 )
@@ -76,7 +78,7 @@ class EventKeys(Keys):
     repeat: bool = False
     set: dict[Reference, Value] = {}
     override: dict[Reference, Value] = {}
-    release: Annotated[list[Reference], BeforeValidator(as_list)] = []
+    release: Some[Reference] = []
     stop: bool = False
     fault: dict[str, Any] | None = None
     description: Text = ""
@@ -129,7 +131,7 @@ class MetricKeys(WindowKeys):
     unit: Text = ""
     reference: Annotated[Any, BeforeValidator(reference_figures)] = None
     tolerance: Annotated[float, BeforeValidator(fraction)] | None = None
-    variants: Annotated[list[Text], BeforeValidator(as_list)] = []
+    variants: Some[Text] = []
     description: Text = ""
 
 
@@ -139,11 +141,11 @@ class ExpectKeys(WindowKeys):
     name: Text = ""
     metric: str | None = None
     signal: Signal | None = None
-    variants: Annotated[list[Text], BeforeValidator(as_list)] = []
-    excluded: Annotated[list[Text], BeforeValidator(as_list)] = Field([], alias="except")
+    variants: Some[Text] = []
+    excluded: Some[Text] = Field([], alias="except")
     at_least: Value | None = None
     at_most: Value | None = None
-    within: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = None
+    within: Pair[Value] | None = None
     ordered: Annotated[list[Text], Field(min_length=2)] | None = None
     descending: bool = True
     margin: Value | None = None
@@ -158,7 +160,7 @@ class AnalysisKeys(WindowKeys):
 
     function: Text
     inputs: Annotated[dict[str, Signal], Field(min_length=1)]
-    variants: Annotated[list[Text], BeforeValidator(as_list)] = []
+    variants: Some[Text] = []
     description: Text = ""
 
 
@@ -180,7 +182,7 @@ class PlotKeys(WindowKeys):
 
     title: Text
     signals: list[Annotated[CurveKeys, BeforeValidator(curve)]] = []
-    xy: Annotated[list[Signal], Field(min_length=2, max_length=2)] | None = None
+    xy: Pair[Signal] | None = None
     label: Text = ""
     unit: Text = ""
     x_label: Text = ""
@@ -188,8 +190,8 @@ class PlotKeys(WindowKeys):
     per: Literal["variant"] | None = None
     points: bool = False
     variants: list[Text] = []
-    band: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = None
-    lines: Annotated[list[Value], BeforeValidator(as_list)] = []
+    band: Pair[Value] | None = None
+    lines: Some[Value] = []
 
 
 class SceneLineKeys(Keys):
@@ -222,13 +224,13 @@ class SceneKeys(WindowKeys):
     title: Text
     environment: Text = ""
     motions: dict[str, Signal] = {}
-    lines: Annotated[list[Annotated[SceneLineKeys, BeforeValidator(curve)]], BeforeValidator(as_list)] = []
-    points: Annotated[list[Annotated[ScenePointKeys, BeforeValidator(curve)]], BeforeValidator(as_list)] = []
-    arrows: Annotated[list[SceneArrowKeys], BeforeValidator(as_list)] = []
-    signals: Annotated[list[Annotated[CurveKeys, BeforeValidator(curve)]], BeforeValidator(as_list)] = []
+    lines: Some[Annotated[SceneLineKeys, BeforeValidator(curve)]] = []
+    points: Some[Annotated[ScenePointKeys, BeforeValidator(curve)]] = []
+    arrows: Some[SceneArrowKeys] = []
+    signals: Some[Annotated[CurveKeys, BeforeValidator(curve)]] = []
     unit: Text = ""
-    axes: Annotated[list[Literal["x", "y", "z"]], Field(min_length=2, max_length=2)] | None = None
-    variants: Annotated[list[Text], BeforeValidator(as_list)] = []
+    axes: Pair[Literal["x", "y", "z"]] | None = None
+    variants: Some[Text] = []
     space: SpaceKeys | None = None
 
 
@@ -248,22 +250,18 @@ class ControlKeys(Keys):
     dead_zone: Annotated[float, BeforeValidator(fraction), Field(lt=1.0)] = 0.0
     along: dict[Reference, Value] = {}
     stick: Literal["", "x", "y", "x2", "y2"] = ""
-    keys: Annotated[list[Text], BeforeValidator(as_list), Field(max_length=2)] = []
+    keys: UpToTwo[Text] = ()
     axis: Annotated[int, Field(strict=True, ge=0, lt=32)] | None = None
     reverse: bool = False
-    buttons: Annotated[
-        list[Annotated[int, Field(strict=True, ge=0, lt=64)]], BeforeValidator(as_list), Field(max_length=2)
-    ] = []
-    variants: Annotated[list[Text], BeforeValidator(as_list)] = []
+    buttons: UpToTwo[Annotated[int, Field(strict=True, ge=0, lt=64)]] = ()
+    variants: Some[Text] = []
 
 
 class TargetKeys(Keys):
     """Targets of an operator: points that a signal reaches within `tolerance`, with a value for each of its elements."""
 
     signal: Reference
-    points: Annotated[
-        dict[Text, Annotated[list[Value], BeforeValidator(as_list), Field(min_length=1)]], Field(min_length=1)
-    ]
+    points: Annotated[dict[Text, Annotated[Some[Value], Field(min_length=1)]], Field(min_length=1)]
     tolerance: Value
 
 
@@ -332,7 +330,7 @@ class ScenarioKeys(RunKeys):
     expect: list[ExpectKeys] = []
     plots: list[PlotKeys] = []
     scenes: list[SceneKeys] = []
-    groups: dict[str, Annotated[list[Text], BeforeValidator(as_list), Field(min_length=1)]] = {}
+    groups: dict[str, Annotated[Some[Text], Field(min_length=1)]] = {}
     console: ConsoleKeys = ConsoleKeys()
     valid_until: ValidityKeys | None = None
     mutations: MutationKeys | None = None

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 Path = tuple[str | int, ...]
 
 
-def space(builder: Builder, path: Path, keys: SpaceKeys, what: str) -> Space:
+def space(scene: Builder, keys: SpaceKeys) -> Space:
     """Create a scene in space."""
 
     def length(value: Any, unit: str, *where: str | int) -> float:
-        return builder.si((*path, *where), value, unit, f"{what}: {where[-1]}") or 0.0
+        return scene.si(value, unit, "space", *where, name=f": {where[-1]}") or 0.0
 
-    for problem_path, text in key_problems(keys):
-        builder.problem((*path, *problem_path), f"{what}: space: {text}")
+    for path, text in key_problems(keys):
+        scene.problem(f"space: {text}", "space", *path)
     curve = keys.path
     return Space(
         SpacePath(

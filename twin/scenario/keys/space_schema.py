@@ -2,18 +2,18 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
-from twin.scenario.keys.key_types import Keys, Reference, Signal, Text, Value, as_list
+from twin.scenario.keys.key_types import Keys, Pair, Reference, Signal, Some, Text, Value
 
-Point = Annotated[list[Signal], BeforeValidator(as_list), Field(min_length=1, max_length=3)]
+Point = Annotated[Some[Signal], Field(min_length=1, max_length=3)]
 Direction = Literal["x", "y", "z", "-x", "-y", "-z"]
 
 
 class SpacePathKeys(Keys):
     """A curve from the origin along z: array parameters of its curvature about both axes, every `spacing`, and its diameter."""
 
-    curvature: Annotated[list[Reference], Field(min_length=2, max_length=2)]
+    curvature: Pair[Reference]
     spacing: Value
     diameter: Reference
     label: Text = ""

@@ -79,16 +79,14 @@ def entry_steps(node: Node, invalid: Steps) -> Steps:
 
 def dropped(node: Node, invalid: Steps) -> Node:
     """Return the tree without the nodes at the invalid paths."""
+    if not invalid:
+        return node
     if isinstance(node.value, dict):
         below = {key: entry_steps(item, invalid.get(key, {})) for key, item in node.value.items()}
         entries = {key: dropped(item, below[key]) for key, item in node.value.items() if None not in below[key]}
-        return Node(entries, node.location) if invalid else node
-    if isinstance(node.value, list):
-        items = [
-            dropped(item, invalid.get(i, {})) for i, item in enumerate(node.value) if None not in invalid.get(i, {})
-        ]
-        return Node(items, node.location) if invalid else node
-    return node
+        return Node(entries, node.location)
+    items = [dropped(item, invalid.get(i, {})) for i, item in enumerate(node.items) if None not in invalid.get(i, {})]
+    return Node(items, node.location) if isinstance(node.value, list) else node
 
 
 def line(root: Node, error: Any, model: Any = ScenarioKeys) -> str:
@@ -109,6 +107,8 @@ def line(root: Node, error: Any, model: Any = ScenarioKeys) -> str:
     if kind == "literal_error":
         choices = error["ctx"]["expected"].replace(" or ", ", ").replace("'", "").split(", ")
         return f"{location}: {key_path}: `{short(value)}` is not known.{nearest(str(value), choices)}"
+    if kind == "too_long":
+        return f"{location}: {key_path}: expected at most {error['ctx']['max_length']} values, not {quoted(value)}."
     if path[0] == "connections" and isinstance(value, str):
         return f"{location}: {key_path}: {quoted(value)} is no connection. {arrow(value)}"
     if kind in KINDS:
@@ -177,7 +177,7 @@ class KeyFile:
 
     def add_problem(self, error: TwinError | str, *path: str | int) -> None:
         """Add the problems of a key."""
-        texts = getattr(error, "problems", [str(error)])
+        texts = [error] if isinstance(error, str) else error.problems
         self.problems += [f"{self.location(*path)}: {dotted(path)}: {text}" for text in texts]
 
     def stop_if_wrong(self) -> None:

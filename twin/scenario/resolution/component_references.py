@@ -53,14 +53,13 @@ def components(
     read = cache(partial(read_part, load=load))  # several groups of a file
     for tree in trees.values():
         for name, member in members(tree).items():
-            node = member.entries.get("component")
-            if node is None or not (is_group(node.value) or is_table(node.value)) or node.value in classes:
+            node = member.get("component")
+            if not (is_group(node.value) or is_table(node.value)) or node.value in classes:
                 continue
             try:
                 classes[node.value] = table(node.value) if is_table(node.value) else component(node.value, read)
             except TwinError as error:
-                messages = getattr(error, "problems", [str(error)])
-                problems |= dict.fromkeys(f"{node.location}: member `{name}`: {message}" for message in messages)
+                problems |= dict.fromkeys(f"{node.location}: member `{name}`: {message}" for message in error.problems)
     return classes, list(problems)
 
 

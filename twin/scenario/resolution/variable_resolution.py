@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -60,8 +59,7 @@ class VariableCache:
                 if (variables := self.variables(name, member)) is not None:
                     catalog[name] = variables
             except TwinError as error:
-                messages = getattr(error, "problems", [str(error)])
-                problems |= dict.fromkeys(f"{member.where}: member `{name}`: {message}" for message in messages)
+                problems |= dict.fromkeys(f"{member.where}: member `{name}`: {message}" for message in error.problems)
         return catalog
 
     def shaped(self, member: MemberSpec, sizes: dict[str, Any]) -> Mapping[str, MemberVariable]:
@@ -86,17 +84,12 @@ class VariableCache:
 
     def refuse_unknown(self, member: MemberSpec) -> None:
         """Raise DeclarationError if there is no component of this name; nothing is imported."""
-        if (
-            member.made
-            or not member.component
-            or member.component.endswith(".fmu")
-            or set(":#") & set(member.component)
-        ):
+        name = member.component
+        if member.made or not name or set(":#") & set(name):
             return
-        if member.component not in self.names:
-            if catalog.component_folder(member.component) is None:
-                catalog.refuse_unknown(member.component, catalog.names())
-            self.names.add(member.component)
+        if name not in self.names and catalog.component_folder(name) is None:
+            catalog.refuse_unknown(name, catalog.names())
+        self.names.add(name)
 
 
 def resolve_variables(scenario: ScenarioSpec, *, imports: bool = True) -> tuple[dict[str, Catalog], list[str]]:
@@ -125,6 +118,8 @@ def resolve_variables(scenario: ScenarioSpec, *, imports: bool = True) -> tuple[
 
 def advise_names(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog], problems: Sequence[str]) -> list[str]:
     """Return a line for each FMU that lacks variables which the scenario names: how `names` maps them to the FMU's own."""
+    from difflib import get_close_matches
+
     lines = []
     for case in scenario.variants:
         for name, member in case.members.items():

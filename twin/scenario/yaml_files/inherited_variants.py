@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from twin.errors import printable
 from twin.scenario.resolution.variable_names import nearest
@@ -27,17 +27,14 @@ SECTIONS = {  # whose entries name variants: singular and plural of an entry
 
 def variants(root: Node) -> dict[str, Node]:
     """Return the variants of a scenario."""
-    return root.entries["variants"].entries if "variants" in root.entries else {}
+    return root.get("variants").entries
 
 
 def keep_empty_variants(root: Node) -> Node:
     """Return a scenario that extends no file, in which a variant without a value is one without changes."""
     if not any(node.value is None for node in variants(root).values()):
         return root
-    entries = {
-        name: node if node.value is not None else Node({}, node.location) for name, node in variants(root).items()
-    }
-    return Node(root.entries | {"variants": Node(entries, root.entries["variants"].location)}, root.location)
+    return root | {"variants": root.get("variants").map(lambda node: node if node.value is not None else node | {})}
 
 
 def remove_variants(base: Node, root: Node, problems: list[str]) -> Node:
@@ -81,23 +78,15 @@ def count(section: Node) -> int:
 def reduced_section(section: str, node: Node, removed: Mapping[str, Node], lost_metrics: set[str]) -> Node:
     """Return a section without its entries that name only removed variants or a lost metric."""
     if section == "console":
-        if "controls" not in node.entries:
-            return node
-        controls = reduced_section("controls", node.entries["controls"], removed, lost_metrics)
-        return Node(node.entries | {"controls": controls}, node.location)
-    if not node.value:
-        return node
-    if isinstance(node.value, dict):
-        pairs = [(key, reduced(item, removed, lost_metrics)) for key, item in node.entries.items()]
-        return Node({key: item for key, item in pairs if item is not None}, node.location)
-    items = [reduced(item, removed, lost_metrics) for item in node.items]
-    return Node([item for item in items if item is not None], node.location)
+        controls = node.entries.get("controls")
+        return node if controls is None else node | {"controls": reduced_section("", controls, removed, lost_metrics)}
+    return node.map(lambda item: reduced(item, removed, lost_metrics))
 
 
 def reduced(item: Node, removed: Mapping[str, Node], lost_metrics: set[str]) -> Node | None:
     """Return an entry without removed variants; None if no variant, or no two of an order, or no metric is left."""
     entries = dict(item.entries)
-    if "metric" in entries and entries["metric"].value in lost_metrics:
+    if item.get("metric").value in lost_metrics:
         return None
     for key, least in {"variants": 1, "ordered": 2, "except": 0}.items():
         if key not in entries:
@@ -108,27 +97,25 @@ def reduced(item: Node, removed: Mapping[str, Node], lost_metrics: set[str]) -> 
             return None
         if len(rest) < len(names):
             entries[key] = Node(rest, entries[key].location)
-    if "reference" in entries and (references := entries["reference"].entries):
-        rest_references = {name: value for name, value in references.items() if name not in removed}
-        entries["reference"] = Node(rest_references, entries["reference"].location)
-        if not rest_references:
+    if item.get("reference").entries:
+        entries["reference"] = item.get("reference").without(*removed)
+        if not entries["reference"].entries:
             del entries["reference"]
             entries.pop("tolerance", None)
-    return Node(entries, item.location) if entries != item.entries else item
+    return Node(entries, item.location) if item.entries else item
 
 
 def note_undone(root: Node, base: Node) -> None:
     """Log a note for each member and key that an extending file sets and inherited variants set otherwise."""
     own = variants(root)
-    empty = Node({}, root.location)
     inherited = {name: node for name, node in variants(base).items() if name not in own or own[name].value is not None}
     for name, patch in members(root).items():
-        component = (patch if "component" in patch.entries else members(base).get(name, patch)).entries.get("component")
+        component = (patch if "component" in patch.entries else base.get("members").get(name)).get("component").value
         undone: dict[str, list[str]] = {}
         for variant, node in inherited.items():
-            if name in members(own.get(variant, empty)):
+            if name in root.get("variants").get(variant).get("members").entries:
                 continue  # the extending file says what holds in the variant
-            for path in undone_paths(patch, members(node).get(name), component):
+            for path in undone_paths(patch, node.get("members").get(name), component):
                 undone.setdefault(".".join((name, *path)), []).append(variant)
         if undone:
             names = list(dict.fromkeys(variant for each in undone.values() for variant in each))
@@ -138,37 +125,33 @@ def note_undone(root: Node, base: Node) -> None:
         names = [
             variant
             for variant, node in inherited.items()
-            if key in root.entries and key in node.entries and key not in own.get(variant, empty).entries
-            if node.entries[key].plain() != root.entries[key].plain()
+            if key in root.entries and key in node.entries and key not in root.get("variants").get(variant).entries
+            if node.get(key).plain() != root.get(key).plain()
         ]
         if names:
-            where = inherited[names[0]].entries[key].location
-            report_undone(root.entries[key], [key], names, f"{key} ({where})", f"{key}: ...")
+            where = inherited[names[0]].get(key).location
+            report_undone(root.get(key), [key], names, f"{key} ({where})", f"{key}: ...")
 
 
 def note_replaced_expectations(root: Node, base: Node, name: str) -> None:
     """Log a note if expectations of a file replace those of the file that it extends; an empty list removes them on purpose."""
-    key = "expect"
-    lost = len(base.entries[key].items) if key in base.entries and isinstance(base.entries[key].value, list) else 0
-    if lost and key in root.entries and root.entries[key].value:
+    lost, own = len(base.get("expect").items), root.get("expect")
+    if lost and own.value:
         what = "the expectation" if lost == 1 else f"all {lost} expectations"
-        note(f"{root.entries[key].location}: expect: replaces {what} of {name}. Copy those that should hold here too.")
+        note(f"{own.location}: expect: replaces {what} of {name}. Copy those that should hold here too.")
 
 
-def undone_paths(patch: Node, variant_member: Node | None, component: Node | None) -> Iterator[tuple[str, ...]]:
+def undone_paths(patch: Node, variant_member: Node, component: Any) -> Iterator[tuple[str, ...]]:
     """Yield the keys and parameters of a member's patch that a variant's own patch of the member replaces."""
-    if variant_member is None or not variant_member.entries:
-        return
-    other = variant_member.entries.get("component")
-    is_replaced = other is not None and (component is None or other.value != component.value)
+    is_replaced = variant_member.get("component").value not in (None, component)
     for key, node in patch.entries.items():
         if key == "parameters":
-            own_values = variant_member.find(("parameters",)).entries if "parameters" in variant_member.entries else {}
+            own_values = variant_member.get("parameters").entries
             for parameter, value in node.entries.items():
                 if is_replaced or (parameter in own_values and own_values[parameter].plain() != value.plain()):
                     yield (parameter,)
         elif key in variant_member.entries:
-            if variant_member.entries[key].plain() != node.plain():
+            if variant_member.get(key).plain() != node.plain():
                 yield (key,)
         elif is_replaced and key not in TIMING_KEYS:
             yield (key,)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 from typing import TYPE_CHECKING
 
 from twin.scenario.yaml_files.yaml_node import Node
@@ -15,48 +16,39 @@ ACTIONS = {"set", "override", "release", "stop"}  # keys of an event
 
 def members(root: Node) -> dict[str, Node]:
     """Return the members of a scenario or variant."""
-    return root.entries["members"].entries if "members" in root.entries else {}
+    return root.get("members").entries
 
 
 def remove_members(root: Node, names: list[str]) -> Node:
     """Remove members with their connections and events."""
     if not names:
         return root
-    entries = dict(root.entries)
 
     def is_removed(reference: object) -> bool:
         return isinstance(reference, str) and reference.partition(".")[0] in names
 
-    if "connections" in entries:
-        node = entries["connections"]
-        ends = [
-            (item, [end.value for key, end in item.entries.items() if key in ("from", "to")]) for item in node.items
-        ]
-        entries["connections"] = Node(
-            [item for item, end_names in ends if not any(map(is_removed, end_names))], node.location
-        )
-    if "events" in entries:
-        node = entries["events"]
-        entries["events"] = Node(
-            [event for item in node.items for event in remove_from_event(item, is_removed)], node.location
-        )
-    return Node(entries, root.location)
+    def without_ends(connection: Node) -> Node | None:
+        return None if any(is_removed(connection.get(key).value) for key in ("from", "to")) else connection
+
+    convert: dict[str, Callable[[Node], Node | None]]
+    convert = {"connections": without_ends, "events": partial(remove_from_event, is_removed=is_removed)}
+    return root | {key: root.entries[key].map(convert[key]) for key in convert if key in root.entries}
 
 
-def remove_from_event(event: Node, is_removed: Callable[[object], bool]) -> list[Node]:
-    """Remove references to removed members from an event; an empty list if none remain."""
+def remove_from_event(event: Node, is_removed: Callable[[object], bool]) -> Node | None:
+    """Remove references to removed members from an event; None if none remain."""
     if "fault" in event.entries:
-        return [] if "node" in event.entries and is_removed(event.entries["node"].value) else [event]
-    if "when" in event.entries and any(map(is_removed, re.findall(r"\w+\.\w+", str(event.entries["when"].value)))):
-        return []
+        return None if is_removed(event.get("node").value) else event
+    if any(map(is_removed, re.findall(r"\w+\.\w+", str(event.get("when").value)))):
+        return None
     entries: dict[str, Node] = {}
     for key, node in event.entries.items():
         if isinstance(node.value, dict):
-            node = Node({name: value for name, value in node.entries.items() if not is_removed(name)}, node.location)  # noqa: PLW2901
+            node = node.without(*filter(is_removed, node.entries))  # noqa: PLW2901
         elif isinstance(node.value, list):
-            node = Node([item for item in node.items if not is_removed(item.value)], node.location)  # noqa: PLW2901
+            node = node.map(lambda item: None if is_removed(item.value) else item)  # noqa: PLW2901
         elif key not in ("when", "description") and is_removed(node.value):
             continue
         if key == "at" or node.value:
             entries[key] = node
-    return [Node(entries, event.location)] if ACTIONS & entries.keys() or not ACTIONS & event.entries.keys() else []
+    return Node(entries, event.location) if ACTIONS & entries.keys() or not ACTIONS & event.entries.keys() else None

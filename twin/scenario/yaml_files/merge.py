@@ -8,6 +8,7 @@ old one with its parameters, and keeps its period and communication step. Connec
 from __future__ import annotations
 
 import logging
+from functools import partial
 from pathlib import Path
 
 from twin.errors import ScenarioError, printable
@@ -57,8 +58,8 @@ def complete(root: Node, path: Path, shown: str, problems: list[str], extending_
         if key in root.entries and "members" not in root.entries:
             raise ScenarioError(f"{root.entries[key].location}: this file is no scenario but {what}.")
     root = normalize(root, resolved_path.parent, problems)
-    parent = root.entries.get("extends")
-    if parent is None or parent.value is None:
+    parent = root.get("extends")
+    if parent.value is None:
         problems += unknown_disconnects(root, root) + unused_disconnects(root, None)
         return merged(Node({}, root.location), keep_empty_variants(root))
     if not isinstance(parent.value, str):
@@ -80,14 +81,13 @@ def complete(root: Node, path: Path, shown: str, problems: list[str], extending_
         raise ScenarioError(f"{parent.location}: extends: there is no {what} {parent.value}.{hint}")
     base_shown = str(Path(shown).parent / parent.value) if Path(parent.value).suffix else str(target)
     base = load(target, base_shown, problems, (resolved_path, *extending_files))
-    base = Node({key: node for key, node in base.entries.items() if key not in NOT_INHERITED}, base.location)
+    base = base.without(*NOT_INHERITED)
     problems += unknown_disconnects(root, base) + unused_disconnects(root, base)
     base = remove_variants(base, root, problems)
     note_undone(root, base)
     if target.parent.resolve() != resolved_path.parent:
         note_replaced_expectations(root, base, parent.value)
-    result = merged(base, root)
-    return Node({key: node for key, node in result.entries.items() if key != "extends"}, root.location)
+    return Node(merged(base, root).without("extends").value, root.location)
 
 
 def extended_file(path: Path, name: str) -> Path:
@@ -115,16 +115,14 @@ def normalize(root: Node, folder: Path, problems: list[str]) -> Node:
         elif key == "parameter_sets":
             items = node.items if isinstance(node.value, list) else [node]
             entries[key] = Node([parameter_set(item, folder, problems) for item in items], node.location)
-        elif key == "scenes" and isinstance(node.value, list):
-            entries[key] = Node([scene(item, folder) for item in node.items], node.location)
+        elif key == "scenes":
+            entries[key] = node.map(partial(scene, folder=folder))
         elif key == "metrics":
             entries[key] = rename_former_keys(node)
-        elif key == "members" and isinstance(node.value, dict):
-            entries[key] = Node({name: located(item, folder) for name, item in node.entries.items()}, node.location)
-        elif key == "variants" and isinstance(node.value, dict):
-            entries[key] = Node(
-                {name: normalize(item, folder, problems) for name, item in node.entries.items()}, node.location
-            )
+        elif key == "members":
+            entries[key] = node.map(partial(located, folder=folder))
+        elif key == "variants":
+            entries[key] = node.map(partial(normalize, folder=folder, problems=problems))
     return Node(entries, root.location) if isinstance(root.value, dict) else root
 
 
@@ -135,27 +133,22 @@ def rename_former_keys(metrics: Node) -> Node:
         return metrics
     note = printable(f"note: {former[0].location}: `paper` is now `reference`; the old key ends with the next release.")
     logging.getLogger("twin").warning(note)
-    return Node(
-        {
-            name: Node({FORMER_KEYS.get(key, key): value for key, value in metric.entries.items()}, metric.location)
-            if "paper" in metric.entries
-            else metric
-            for name, metric in metrics.entries.items()
-        },
-        metrics.location,
-    )
+
+    def renamed(metric: Node) -> Node:
+        entries = {FORMER_KEYS.get(key, key): value for key, value in metric.entries.items()}
+        return Node(entries, metric.location) if "paper" in metric.entries else metric
+
+    return metrics.map(renamed)
 
 
 def scene(item: Node, folder: Path) -> Node:
     """Return a scene with the absolute path of its environment file."""
     from twin.scene import READERS
 
-    node = item.entries.get("environment")
-    if node is None or not isinstance(node.value, str) or Path(node.value).suffix not in READERS:
+    node = item.get("environment")
+    if not isinstance(node.value, str) or Path(node.value).suffix not in READERS:
         return item
-    return Node(
-        item.entries | {"environment": Node(str((folder / node.value).resolve()), node.location)}, item.location
-    )
+    return item | {"environment": Node(str((folder / node.value).resolve()), node.location)}
 
 
 def parameter_set(item: Node, folder: Path, problems: list[str]) -> Node:
@@ -185,11 +178,10 @@ def parameter_set(item: Node, folder: Path, problems: list[str]) -> Node:
 
 def located(member: Node, folder: Path) -> Node:
     """Return a member whose component, if it is a path, is absolute."""
-    component = member.entries.get("component")
-    if component is None or not isinstance(component.value, str):
+    component = member.get("component")
+    if not isinstance(component.value, str):
         return member
-    absolute = Node(located_name(component.value, folder), component.location)
-    return Node(member.entries | {"component": absolute}, member.location)
+    return member | {"component": Node(located_name(component.value, folder), component.location)}
 
 
 def located_name(component: str, folder: Path) -> str:
@@ -209,24 +201,16 @@ def connections(item: Node) -> list[Node]:
         parts = [part.strip() for part in targets.split(",")]
         start = Node(source.strip(), item.location)
         return [Node({"from": start, "to": Node(part, item.location)}, item.location) for part in parts]
-    target = item.entries.get("to")
-    if target is None or not isinstance(target.value, list):
-        return [item]
-    return [
-        Node(item.entries | {"to": Node(target_node.value, target_node.location)}, item.location)
-        for target_node in target.items
-    ]
+    target = item.get("to")
+    return [item | {"to": end} for end in target.items] if isinstance(target.value, list) else [item]
 
 
 def unknown_disconnects(root: Node, base: Node) -> list[str]:
     """Report disconnections of members that neither the file nor the one it extends has in any variant."""
-    empty = Node({}, root.location)
-    patches = [
-        patch for file in (root, base) for patch in (file, *file.entries.get("variants", empty).entries.values())
-    ]
+    patches = [patch for file in (root, base) for patch in (file, *file.get("variants").entries.values())]
     member_names = owners(root, base)
     return [
-        f"{item.entries['to'].location}: there is no member `{owner}`.{nearest(owner, member_names)}"
+        f"{item.get('to').location}: there is no member `{owner}`.{nearest(owner, member_names)}"
         for patch in patches
         for item in connection_nodes(patch)
         if disconnects(item) and (owner := (target(item) or "").partition(".")[0]) and owner not in member_names
@@ -235,14 +219,12 @@ def unknown_disconnects(root: Node, base: Node) -> list[str]:
 
 def unused_disconnects(root: Node, base_file: Node | None) -> list[str]:
     """Report disconnections without a matching inherited connection."""
-    empty = Node({}, root.location)
-    base = base_file or empty
+    base = base_file or Node({}, root.location)
     targets = {target(item) for item in connection_nodes(base)}
     candidates = [(item, targets) for item in connection_nodes(root) if base_file is not None]
     targets = targets | {target(item) for item in connection_nodes(root) if not disconnects(item)}
-    inherited = base.entries.get("variants", empty).entries
-    for name, variant in root.entries.get("variants", empty).entries.items():
-        variant_targets = targets | {target(item) for item in connection_nodes(inherited.get(name, empty))}
+    for name, variant in root.get("variants").entries.items():
+        variant_targets = targets | {target(item) for item in connection_nodes(base.get("variants").get(name))}
         candidates += [(item, variant_targets) for item in connection_nodes(variant)]
     return [
         f"{item.entries['to'].location}: nothing is connected to `{end}` under this name.{nearest(end, filter(None, connected_targets))} Write what "
@@ -257,16 +239,13 @@ def unused_disconnects(root: Node, base_file: Node | None) -> list[str]:
 
 def owners(*files: Node) -> set[str]:
     """Return the names of the members of files, in any variant."""
-    variants = [
-        root for file in files for root in file.entries.get("variants", Node({}, file.location)).entries.values()
-    ]
+    variants = [root for file in files for root in file.get("variants").entries.values()]
     return {name for root in (*files, *variants) for name in members(root)}
 
 
 def connection_nodes(root: Node) -> list[Node]:
     """Return the connections that a scenario or variant itself contains."""
-    node = root.entries.get("connections") if isinstance(root.value, dict) else None
-    return list(node.items) if node is not None else []
+    return root.get("connections").items
 
 
 def disconnects(connection: Node) -> bool:
@@ -282,7 +261,7 @@ def merged(base: Node, patch: Node, path: Keys = (), keep_null: bool = False) ->
         algorithm = Node({"name": base}, base.location) if isinstance(base.value, str) else base
         base = Node({}, patch.location) if "name" in patch.entries else algorithm
     if len(path) == 2 and path[0] == "members" and replaces(base, patch):
-        base = Node({key: base.entries[key] for key in TIMING_KEYS if key in base.entries}, patch.location)
+        base = Node(base.only(TIMING_KEYS).value, patch.location)
     if len(path) == 3 and path[::2] == ("members", "parameters"):
         base = without_elements(base, patch)
     if not path and not keep_null:
@@ -292,19 +271,15 @@ def merged(base: Node, patch: Node, path: Keys = (), keep_null: bool = False) ->
         if node.value is None and not keep_null:
             entries.pop(key, None)
             continue
-        base_value = entries.get(key, Node(None, node.location))
         inner_path = () if path == ("variants",) else (*path, key)
-        entries[key] = merged(base_value, node, inner_path, keep_null or path == ("variants",))
+        entries[key] = merged(base.get(key), node, inner_path, keep_null or path == ("variants",))
     return Node(entries, base.location if base.entries else patch.location)
 
 
 def without_elements(base: Node, patch: Node) -> Node:
     """Remove the elements of arrays, such as `play[3]`, that a patch sets as a whole: `play`."""
     arrays = {name for name, node in patch.entries.items() if node.value is not None and "[" not in name}
-    unchanged = {
-        key: node for key, node in base.entries.items() if "[" not in key or key.partition("[")[0] not in arrays
-    }
-    return base if len(unchanged) == len(base.entries) else Node(unchanged, base.location)
+    return base.without(*(key for key in base.entries if "[" in key and key.partition("[")[0] in arrays))
 
 
 def merged_list(base: Node, patch: Node, path: Keys, keep_null: bool) -> Node:
@@ -321,8 +296,8 @@ def merged_list(base: Node, patch: Node, path: Keys, keep_null: bool) -> Node:
 
 def target(connection: Node) -> str | None:
     """Return the target of a normalized connection, None if it is malformed."""
-    node = connection.entries.get("to")
-    return node.value if node is not None and isinstance(node.value, str) else None
+    name = connection.get("to").value
+    return name if isinstance(name, str) else None
 
 
 def replaces(base: Node, patch: Node) -> bool:
@@ -333,34 +308,19 @@ def replaces(base: Node, patch: Node) -> bool:
 
 def variant_trees(root: Node) -> dict[str, Node]:
     """Return each variant's full tree in the order of the file; only `base` if there are no variants."""
-    base = Node({key: node for key, node in root.entries.items() if key != "variants"}, root.location)
-    variants = root.entries["variants"].entries if "variants" in root.entries else {}
-    if not variants:
-        return {"base": apply_parameter_sets(base)}
-    return {
-        name: apply_parameter_sets(merged(base, patch if isinstance(patch.value, dict) else Node({}, patch.location)))
-        for name, patch in variants.items()
-    }
+    base = root.without("variants")
+    patches = root.get("variants").entries or {"base": Node({}, root.location)}
+    return {name: apply_parameter_sets(merged(base, patch | {})) for name, patch in patches.items()}
 
 
 def apply_parameter_sets(root: Node) -> Node:
     """Apply the parameter sets: members' own values override them, later sets override earlier ones."""
-    sets = root.entries["parameter_sets"].items if "parameter_sets" in root.entries else []
-    patched_members = members(root)
-    for parameter_set_node in reversed(sets):
-        for name, member in patched_members.items():
-            component = member.entries.get("component")
-            set_values = (
-                parameter_set_node.entries.get(component.value)
-                if component and isinstance(component.value, str)
-                else None
-            )
-            if set_values is not None and isinstance(set_values.value, dict):
-                own_values = member.entries.get("parameters", Node({}, member.location))
-                parameters = merged(set_values, own_values, ("members", name, "parameters"))
-                patched_members = patched_members | {
-                    name: Node(member.entries | {"parameters": parameters}, member.location)
-                }
-    if not patched_members:
-        return root
-    return Node(root.entries | {"members": Node(patched_members, root.entries["members"].location)}, root.location)
+    patched = root.get("members")
+    for parameter_set_node in reversed(root.get("parameter_sets").items):
+        for name, member in patched.entries.items():
+            component = member.get("component").value
+            values = parameter_set_node.get(component if isinstance(component, str) else "")
+            if values.entries:
+                own_values = member.get("parameters") | {}
+                patched |= {name: member | {"parameters": merged(values, own_values, ("members", name, "parameters"))}}
+    return root | {"members": patched} if patched.entries else root

@@ -40,36 +40,33 @@ def override(root: Node, option: str) -> Node:
     """Apply one `path=value` to the base and to every variant that sets the same member or key."""
     path, value = parse_option(option)
     shown = str(value.location)
-    variants = root.entries["variants"].entries if "variants" in root.entries else {}
+    variants = root.get("variants").entries
     only_variant = next(
         (name for name in sorted(variants, key=len, reverse=True) if path.startswith(f"variants.{name}.")), None
     )
     if only_variant is None and path.startswith("variants."):
         raise ScenarioError(f"{shown}: there is no such variant.{nearest(path.split('.')[1], variants)}")
     path = path.removeprefix(f"variants.{only_variant}.") if only_variant else path
-    patch = option_patch(path, value, shown)
+    patch = option_patch(path, value)
     name = path.partition(".")[0]
     is_member = "." in path and name != "algorithm"
     if is_member and name not in members(root).keys() | {m for variant in variants.values() for m in members(variant)}:
         candidates = [*members(root), *TOP_LEVEL]
         raise ScenarioError(f"{shown}: there is no member `{name}`.{nearest(name, candidates)}")
     if only_variant:
-        return merged(root, wrapped({"variants": wrapped({only_variant: patch}, shown)}, shown))
-    affected = {}
+        return merged(root, patch.under("variants", only_variant))
     for variant, node in variants.items():
         is_affected = (
             members(node)[name].value is not None if is_member and name in members(node) else name in node.entries
         )
         if is_affected:
-            affected[variant] = patch
-    if affected:
-        root = merged(root, wrapped({"variants": wrapped(affected, shown)}, shown))
+            root = merged(root, patch.under("variants", variant))
     return merged(root, patch) if not is_member or name in members(root) else root
 
 
 def replaced_values(root: Node, options: Iterable[str], variants: Collection[str]) -> list[str]:
     """Return a sentence for each `--set` option that replaces other values which some of `variants` have of their own."""
-    nodes = root.entries["variants"].entries if "variants" in root.entries else {}
+    nodes = root.get("variants").entries
     sentences = []
     for option in options:
         path, value = parse_option(option)
@@ -104,11 +101,6 @@ def parse_option(option: str) -> tuple[str, Node]:
     return path.strip(), option_value(text.strip(), shown)
 
 
-def wrapped(entries: dict[str, Node], shown: str) -> Node:
-    """Create a dict node at the location of an option."""
-    return Node(entries, SourceLocation(shown))
-
-
 def option_value(text: str, shown: str) -> Node:
     """Parse the value of an option like a YAML value; `1, 2, 3` is a list."""
     if "," in text and not text.startswith("["):
@@ -127,20 +119,20 @@ def option_value(text: str, shown: str) -> Node:
     return at_option(parsed)
 
 
-def option_patch(path: str, value: Node, shown: str) -> Node:
+def option_patch(path: str, value: Node) -> Node:
     """Create the patch of an option."""
     name, dot, rest = path.partition(".")
     if name == "algorithm" and dot:
-        return wrapped({name: wrapped({rest: value}, shown)}, shown)
+        return value.under(name, rest)
     if not dot:
         if name not in TOP_LEVEL:
             hint = nearest(name, TOP_LEVEL)
-            raise ScenarioError(f"{shown}: `{name}` cannot be set. Give member.parameter or a key of the run.{hint}")
+            raise ScenarioError(
+                f"{value.location}: `{name}` cannot be set. Give member.parameter or a key of the run.{hint}"
+            )
         if name in ("seed", "seeds"):
             name, value = "seeds", value if isinstance(value.value, list) else Node([value], value.location)
-        return wrapped({name: value}, shown)
+        return value.under(name)
     if rest in ("component", *TIMING_KEYS, "finite", "isolate", "interface", "solver", "solver_tolerance"):
-        member = wrapped({rest: value}, shown)
-    else:
-        member = wrapped({"parameters": wrapped({rest.removeprefix("parameters."): value}, shown)}, shown)
-    return wrapped({"members": wrapped({name: member}, shown)}, shown)
+        return value.under("members", name, rest)
+    return value.under("members", name, "parameters", rest.removeprefix("parameters."))

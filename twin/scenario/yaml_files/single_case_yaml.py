@@ -42,7 +42,7 @@ def single_case_yaml(scenario: ScenarioSpec, case: Case, record: Sequence[str]) 
     """Return the YAML text, without `stop_time` and `events`. `record`: names and patterns of recorded variables."""
     root = variant_trees(scenario.tree)[case.variant]
     location = root.location
-    entries = {key: node for key, node in root.entries.items() if key not in LEFT_OUT}
+    entries = root.without(*LEFT_OUT).entries
     title = scenario.title if case.title in (scenario.title, case.variant) else f"{scenario.title}: {case.title}"
     record_keys = {"variables": list(record)}
     if case.record.every_ns is not None:
@@ -51,21 +51,17 @@ def single_case_yaml(scenario: ScenarioSpec, case: Case, record: Sequence[str]) 
         if nodes := list(shown(root, key, specs, case)):
             entries[key] = Node(nodes, location)
     console_nodes = [
-        Node({name: item for name, item in node.entries.items() if name != "variants"}, node.location)
-        for node, spec in zip(root.find(("console", "controls")).items, scenario.console, strict=True)
+        node.without("variants")
+        for node, spec in zip(root.get("console").get("controls").items, scenario.console, strict=True)
         if not spec.variants or case.variant in spec.variants
     ]
     if console_nodes:
-        entries["console"] = Node({"controls": Node(console_nodes, location)}, location)
+        entries["console"] = Node(console_nodes, location).under("controls")
     if groups := root.entries.get("groups"):  # of members that all are in this variant
-        own = {
-            name: group
-            for name, group in groups.entries.items()
-            if {item.value for item in group.items} <= set(case.members)
-        }
-        entries["groups"] = Node(own, location)
+        names = set(case.members)
+        entries["groups"] = groups.map(lambda group: group if {item.value for item in group.items} <= names else None)
     if scenario.variants[0].variant != UNNAMED:
-        entries["variants"] = Node({case.variant: Node({}, location)}, location)
+        entries["variants"] = Node({}, location).under(case.variant)
     entries |= {
         "title": Node(title, location),
         "seeds": Node.of([case.seed], location),
@@ -86,7 +82,7 @@ def criteria_yaml(scenario: ScenarioSpec, case: Case, recorded: Collection[str],
         return variant in (variants or (variant,)) and all(operand.name in recorded for operand in signal.signals)
 
     def windowed(node: Node) -> dict[str, Node]:
-        own = {key: item for key, item in node.entries.items() if key not in SELECTION}
+        own = node.without(*SELECTION).entries
         return {"to": Node(clock.exact_text(case.stop_ns), location), **own} if has_end else own
 
     metrics = {}
@@ -96,14 +92,14 @@ def criteria_yaml(scenario: ScenarioSpec, case: Case, recorded: Collection[str],
             metrics[name] = windowed(node)
             if variant in metric.paper:
                 metrics[name] |= {"reference": reference_of(node, variant)}
-                metrics[name] |= {key: item for key, item in node.entries.items() if key == "tolerance"}
+                metrics[name] |= node.only(["tolerance"]).entries
     expectations = []
     for index, expectation in enumerate(scenario.expectations):
         node = root.find(("expect", index))
         if expectation.ordered or expectation.ends or variant not in (expectation.variants or (variant,)):
             continue
         if expectation.metric in metrics:
-            expectations.append({key: item for key, item in node.entries.items() if key not in SELECTION})
+            expectations.append(node.without(*SELECTION).entries)
         elif expectation.signal is not None and applies((), expectation.signal):
             expectations.append(windowed(node))
     entries = {
@@ -118,15 +114,14 @@ def reference_of(node: Node, variant: str) -> Node:
     """Return the reference of a metric for one variant, as a table."""
     given = node.entries.get("reference") or node.entries["paper"]
     own = given.entries[variant] if given.entries else given
-    return Node({variant: own}, node.location)
+    return own.under(variant)
 
 
 def shown(root: Node, key: str, specs: Iterable[Plot | Scene], case: Case) -> Iterable[Node]:
     """Yield the plots or scenes of a case that read only members, without time window."""
-    items = root.entries[key].items if key in root.entries else []
-    for node, spec in zip(items, specs, strict=True):
+    for node, spec in zip(root.get(key).items, specs, strict=True):
         if (not spec.variants or case.variant in spec.variants) and owners(spec) <= set(case.members):
-            yield Node({name: item for name, item in node.entries.items() if name not in WHEN}, node.location)
+            yield node.without(*WHEN)
 
 
 def owners(figure: Plot | Scene) -> set[str]:

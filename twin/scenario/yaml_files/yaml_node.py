@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Mapping
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +44,38 @@ class Node:
     def items(self) -> list[Node]:
         """Items of the list; empty if this is not a list."""
         return self.value if isinstance(self.value, list) else []
+
+    def get(self, key: str) -> Node:
+        """Return the entry of a key; if there is none, a node without a value at this location."""
+        return self.entries.get(key) or Node(None, self.location)
+
+    def __or__(self, entries: Mapping[str, Node]) -> Node:
+        """Return the dict with other entries added, or in place of its own."""
+        return Node({**self.entries, **entries}, self.location)
+
+    def only(self, keys: Collection[str]) -> Node:
+        """Return the dict with only the entries of `keys`."""
+        return Node({key: node for key, node in self.entries.items() if key in keys}, self.location)
+
+    def without(self, *keys: str) -> Node:
+        """Return the dict without the entries of `keys`."""
+        return self.only(self.entries.keys() - set(keys))
+
+    def under(self, *keys: str) -> Node:
+        """Return a dict with this node at a path of keys, all at its location."""
+        node = self
+        for key in reversed(keys):
+            node = Node({key: node}, self.location)
+        return node
+
+    def map(self, convert: Callable[[Node], Node | None]) -> Node:
+        """Return the dict or list with each entry converted, without those that become None; a scalar is unchanged."""
+        if isinstance(self.value, dict):
+            pairs = [(key, convert(node)) for key, node in self.value.items()]
+            return Node({key: node for key, node in pairs if node is not None}, self.location)
+        if isinstance(self.value, list):
+            return Node([node for item in self.value if (node := convert(item)) is not None], self.location)
+        return self
 
     def plain(self) -> Any:
         """Return the value without locations."""
