@@ -25,6 +25,9 @@ class Reaction(StrEnum):
     OFF = "fault, power stage off at once"
 
 
+REPORT, CONNECTION, RAMP, OFF = Reaction.REPORT, Reaction.CONNECTION, Reaction.RAMP, Reaction.OFF
+
+
 class Fault(NamedTuple):
     """A row of a vendor's table of errors: bits of the error register 1001h, of the vendor's own register 2320h."""
 
@@ -32,6 +35,11 @@ class Fault(NamedTuple):
     vendor: int
     reaction: Reaction
     meaning: str
+
+
+def faults(*rows: tuple[int, int, Reaction, str]) -> dict[int, Fault]:
+    """Errors by EMCY code, of a vendor without a register of its own. Rows: code, bits of 1001h, reaction, meaning."""
+    return {code: Fault(register, 0, reaction, meaning) for code, register, reaction, meaning in rows}
 
 
 class Units(NamedTuple):
