@@ -133,7 +133,6 @@ class Profile(Device):
     # why the units may not be those of the drive; the pitch of the motor that the hardware file names [m], or None
     unsure: Callable[[Dictionary, float | None], list[str]] = lambda _, __: []
     unstated_units: tuple[str, ...] = ()  # kinds of unit that no object states: the hardware file has to
-    options: dict[int, int] = field(default_factory=dict)  # instead of FIXED
     target_beyond_limit: int = 0  # EMCY for a target outside 607Dh; 0: it is clipped
     overcurrent: int = 0x2310  # EMCY of too much current
     encoder_error: int | None = None  # EMCY of a lost encoder; None: not noticed
@@ -166,4 +165,4 @@ class Profile(Device):
 
     def option(self, dictionary: Dictionary, index: int) -> int:
         """An option code, from the dictionary or as the vendor fixed it."""
-        return dictionary.get(index, missing=self.options.get(index, FIXED[index]))
+        return dictionary.get(index, missing=FIXED[index])
