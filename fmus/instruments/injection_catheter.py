@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from fmus.injection import MILLIMETER, InjectionModel, needle_limits
-from twin.component import Component, Int64, input, local, output, parameter, terminal
+from fmus.noisy import Noisy
+from twin.component import Component, input, local, output, parameter, terminal
 
 PLAYS = 3
 PULL_MAXIMUM = 9.0  # longest pull that eqs. (4) and (5) hold for [mm]
@@ -31,7 +32,7 @@ class SingleWireCatheter(Component):
     needle_slide = terminal("slide of the needle", position=needle_position, force=needle_force)
 
 
-class MeasuredCatheter(InjectionModel):
+class MeasuredCatheter(InjectionModel, Noisy):
     """The paper's equations with play operators between what was measured."""
 
     play_spread = parameter(
@@ -79,7 +80,6 @@ class MeasuredCatheter(InjectionModel):
     )
 
     handle_last = local(0.0, "", "handle position [mm] of the last step")
-    stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
     plays = local(0.0, "", "ends of the play operators of the handle [mm]", shape=(PLAYS,))
     needle_set = local(0.0, "", "length [mm] that the needle's actuator has set")
     error_y = local(0.0, "", "deviation in y in standard deviations: last, behind a lag", shape=(2,))

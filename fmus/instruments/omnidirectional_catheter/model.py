@@ -12,8 +12,9 @@ from fmus.injection_catheter import (
 )
 
 from fmus.injection import DEAD_BAND, MILLIMETER, bend, engagement, needle_after, wander
+from fmus.noisy import noise_seed
 from fmus.omnidirectional import WIRES, needle_pull, pair, radial, single_pull
-from twin.component import Int64, input, local, output, parameter, seed_stream, terminal
+from twin.component import input, local, output, parameter, seed_stream, terminal
 
 STRAIGHT = 1e-9  # shortening [mm] below which the catheter has no plane
 
@@ -71,8 +72,7 @@ class OmnidirectionalCatheter(MeasuredCatheter):
                                minimum=1.0, source="estimate: 16 N at the full deflection of an 8 Fr tip")
     wire_stiffness = parameter(5.5e3, "N/m", "stiffness of a wire and of the shaft under it; above the one before",
                                display_unit="N/mm", source="estimate: steel, 0.2 mm by 1.1 m")
-    seed = parameter(16, "", "seed of the deviations; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")
+    seed = noise_seed(16, "the deviations")
 
     wires = local(0.0, "", "positions [mm] of the wires behind their play", shape=(WIRES,))
     error_x = local(0.0, "", "deviation in x in standard deviations: last, behind a lag", shape=(2,))

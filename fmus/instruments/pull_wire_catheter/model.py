@@ -11,7 +11,8 @@ from fmus.injection_catheter import (
 )
 
 from fmus.injection import MILLIMETER, bend, coupling, engagement, needle_after, wander
-from twin.component import Int64, local, output, parameter, seed_stream
+from fmus.noisy import noise_seed
+from twin.component import local, output, parameter, seed_stream
 
 
 class PullWireCatheter(SingleWireCatheter, MeasuredCatheter):
@@ -33,8 +34,7 @@ class PullWireCatheter(SingleWireCatheter, MeasuredCatheter):
     )
     wire_stiffness = parameter(2.0e3, "N/m", "tension of the wire per pull beyond the dead band", display_unit="N/mm",
                                minimum=0.0, source="estimate: 16 N at the full deflection of an 8 Fr tip")
-    seed = parameter(13, "", "seed of the deviations; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")
+    seed = noise_seed(13, "the deviations")
 
     pull = local(0.0, "", "pull [mm] behind the wire's play")
 

@@ -5,12 +5,13 @@ from math import cos, exp, sin, sqrt
 from fmus.injection_catheter import SingleWireCatheter
 
 from fmus.injection import wander
-from twin.component import Boolean, Int64, local, output, parameter, seed_stream
+from fmus.noisy import Noisy, noise_seed
+from twin.component import Boolean, local, output, parameter, seed_stream
 
 STRAIGHT = 1e-6  # angle [rad] below which an arc is a line
 
 
-class TendonCatheter(SingleWireCatheter):
+class TendonCatheter(SingleWireCatheter, Noisy):
     """8 Fr catheter in a PTFE guide with one tendon and a needle: sliding friction, creep, capstan, arcs, warm plastic.
 
     In place of `pull_wire_catheter`, whose plant is paper B's own fits. Calibrate a controller on it: the paper's forms
@@ -90,8 +91,7 @@ class TendonCatheter(SingleWireCatheter):
                               source="estimate: 50 to 80 mm on Fig. 2")
     wire_length = parameter(40e-3, "m", "plastic between catheter and pull wire's slide", display_unit="mm",
                             source="estimate: 30 to 60 mm on Fig. 2")
-    seed = parameter(13, "", "seed of friction and tilt; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")
+    seed = noise_seed(13, "friction and tilt")
 
     heat = local(0.0, "K", "warmth of the handle")
     slip = local(0.0, "m", "place of the catheter on its guide")
@@ -104,7 +104,6 @@ class TendonCatheter(SingleWireCatheter):
     handle_last = local(0.0, "m", "handle of the last step")
     rough = local(0.0, "", "friction's deviation: last, behind a lag", shape=(2,))
     lean = local(0.0, "", "tilt's deviation: last, behind a lag", shape=(2,))
-    stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)
