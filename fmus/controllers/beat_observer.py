@@ -17,6 +17,7 @@ from typing import Any
 from fmus.beat_search import RING, TREND, BeatSearch, fix_direction, forget, refine, remember, scan
 from fmus.control import ForceControl, NominalPlant, delayed_value, limit_velocity
 from fmus.fourier import begin_harmonics, fill_waves
+from fmus.kalman import project, update
 
 from twin.component import Boolean, Int64, local, output, parameter
 
@@ -277,22 +278,6 @@ def turn_oscillator(mean: Any, covariance: Any, first: int, angle: float, n: int
         covariance[i, first + 1] = c * covariance[i, first + 1] - s * p
 
 
-def take_sample(mean: Any, covariance: Any, row: Any, gain: Any, innovation: float, noise: float, n: int) -> None:
-    """Kalman filter's update of n states by one sample: `row` is its derivative by each, `noise` its standard deviation [m]."""
-    variance = noise * noise
-    for i in range(n):
-        total = 0.0
-        for j in range(n):
-            total += covariance[i, j] * row[j]
-        gain[i] = total
-        variance += row[i] * total
-    for i in range(n):
-        mean[i] += gain[i] / variance * innovation
-        for j in range(i + 1):
-            covariance[i, j] -= gain[i] * gain[j] / variance
-            covariance[j, i] = covariance[i, j]
-
-
 def correct(self: BeatObserver, wall: float) -> None:
     """Update the filter by a sample of the wall [m]."""
     fill_waves(self.waves, 0, self.mean[PHASE], HARMONICS)
@@ -311,5 +296,6 @@ def correct(self: BeatObserver, wall: float) -> None:
         expected += self.mean[k] * self.waves[2 * i] + self.mean[k + 1] * self.waves[2 * i + 1]
         turn += (i + 1) * (self.mean[k] * self.waves[2 * i + 1] - self.mean[k + 1] * self.waves[2 * i])
     self.slope[PHASE] = turn
-    take_sample(self.mean, self.covariance, self.slope, self.gain, wall - expected, self.noise, N)
+    variance = project(self.covariance, self.slope, self.gain, self.noise * self.noise, N)
+    update(self.mean, self.covariance, self.gain, wall - expected, variance, N)
     self.mean[BREATH_RATE] = min(max(self.mean[BREATH_RATE], 2.0 * pi * SLOWEST), 2.0 * pi * FASTEST)

@@ -2,6 +2,8 @@
 
 from math import hypot, sqrt
 
+from fmus.kalman import project, update
+
 from fmus.injection import MILLIMETER, Deflection, bend
 from fmus.omnidirectional import WIRES, pair, radial, single_pull
 from twin.component import Boolean, Int64, input, local, output, parameter, terminal
@@ -137,18 +139,10 @@ def take(self: SelfCalibration, axis: int, measured: float) -> None:
     for i in range(2, STATES):
         self.slope[i] = 1.0 if i == 2 + axis else 0.0
 
-    variance = self.noise * self.noise + self.own_noise * self.own_noise
-    for i in range(STATES):
-        self.kalman[i] = 0.0
-        for j in range(STATES):
-            self.kalman[i] += self.covariance[i, j] * self.slope[j]
-    for i in range(STATES):
-        variance += self.slope[i] * self.kalman[i]
+    noise = self.noise * self.noise + self.own_noise * self.own_noise
+    variance = project(self.covariance, self.slope, self.kalman, noise, STATES)
     error = measured - here - self.estimate[2 + axis]
-    for i in range(STATES):
-        self.estimate[i] += self.kalman[i] / variance * error
-        for j in range(STATES):
-            self.covariance[i, j] -= self.kalman[i] * self.kalman[j] / variance
+    update(self.estimate, self.covariance, self.kalman, error, variance, STATES)
 
 
 def tip(self: SelfCalibration, gain_x: float, gain_y: float) -> tuple[float, float, float]:
