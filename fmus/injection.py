@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import exp, sqrt
 from typing import Any
 
-from twin.component import normal
+from twin.component import Component, normal, parameter
 
 MILLIMETER = 1e-3
 
@@ -185,3 +185,37 @@ def wander(memory: Any, stream: Any, travel: float, length: float) -> None:
     correlation = exp(-travel / length)
     memory[0] = correlation * memory[0] + sqrt(1.0 - correlation * correlation) * normal(stream)
     memory[1] = correlation * memory[1] + (1.0 - correlation) * sqrt(2.0) * memory[0]
+
+
+class Deflection(Component):
+    """Constants of the deflection and of its coupling with the advance, eqs. (4) to (6)."""
+
+    bend_y = parameter(BEND_Y, "", "eq. (4): coefficients of a^0 to a^3 in mm", source="paper, eq. (4)")
+    bend_z = parameter(BEND_Z, "", "eq. (5): coefficients of a^0 to a^3 in mm", source="paper, eq. (5)")
+    dead_band = parameter(DEAD_BAND, "", "pull [mm] that takes up a wire's slack", minimum=0.0, source="paper, eq. (4)")
+    compression = parameter(COMPRESSION, "", "eq. (6) compressed, in mm", source="paper, Table 1")
+    tension = parameter(
+        TENSION,
+        "",
+        "eq. (6) in tension, in mm",
+        source="paper, Table 1; terms in the order of poly33, two printed features are wrong",
+    )
+
+
+class InjectionModel(Deflection):
+    """Constants of all equations."""
+
+    slope = parameter(SLOPE, "", "tip travel per handle travel, less one", source="paper, eqs. (2), (3)")
+    reversal_offset = parameter(
+        REVERSAL_OFFSET, "", "travel [mm] that a reversal costs", minimum=0.0, source="paper, eq. (2)"
+    )
+    needle = parameter(
+        NEEDLE, "", "eqs. (7), (8): length per actuator, offset [mm], length per pull", source="paper, eqs. (7), (8)"
+    )
+    needle_back = parameter(RETRACTION, "", "eq. (9), in mm", source="paper, eq. (9)")
+    needle_turn = parameter(
+        11.5,
+        "",
+        "actuator position [mm] from which eq. (9) retracts",
+        source="not printed: the least half millimeter with which a needle drawn back is never shorter than one pushed there",
+    )

@@ -11,12 +11,13 @@ stiffness and rate estimate for all of them.
 
 from __future__ import annotations
 
-from math import cos, floor, pi, sin
+from math import cos, pi, sin
 from typing import Any
 
-from fmus.beat_search import RING, TREND, BeatSearch, forget, refine, remember, scan
-from fmus.control import ForceControl
+from fmus.beat_search import RING, TREND, BeatSearch, fix_direction, forget, refine, remember, scan
+from fmus.control import ForceControl, NominalPlant, delayed_value, limit_velocity
 from fmus.fourier import begin_harmonics, fill_waves
+from fmus.kalman import project, update
 
 from twin.component import Boolean, Int64, local, output, parameter
 
@@ -32,7 +33,7 @@ LARGEST = 100.0  # no force [N] and no velocity [m/s] is larger; what is no numb
 CHANGE = 0.3  # [N] from one value to the next that is an outlier
 
 
-class BeatObserver(ForceControl, BeatSearch):
+class BeatObserver(ForceControl, NominalPlant, BeatSearch):
     """Variables of a force controller that follows the beat in the force."""
 
     former_names = (
@@ -51,30 +52,6 @@ class BeatObserver(ForceControl, BeatSearch):
     breath = output("Hz", "rate of the breath; 0: none yet")
     feedforward = output("m/s", "learned part of the demand", display_unit="mm/s")
 
-    acceleration_maximum = parameter(
-        10.0,
-        "m/s^2",
-        "limit of the demand's change",
-        minimum=0.1,
-        source="as phase_locked_control: keeps the motor below 15 N",
-    )
-    stiffness = parameter(
-        11.2,
-        "N/m",
-        "contact force per motion of the tip",
-        display_unit="N/mm",
-        minimum=1.0,
-        source="as phase_locked_control: 3 EI / L^3 of wall",
-    )
-    delay = parameter(
-        20e-3,
-        "s",
-        "from a demand until the force sensor's value shows it",
-        display_unit="ms",
-        minimum=5e-3,
-        maximum=0.1,
-        source="as phase_locked_control: one period each of sensor, controller and holding, 4 ms of the drive",
-    )
     blend = parameter(
         1.0,
         "s",
@@ -137,7 +114,6 @@ class BeatObserver(ForceControl, BeatSearch):
 
     is_following = local(False, "", "whether the filter follows a beat", type=Boolean)
     trust = local(0.0, "", "part of the learned motion that is fed forward")
-    velocity = local(0.0, "m/s", "last velocity demand", display_unit="mm/s")
     error = local(0.0, "N", "force error; zero where the force is no number")
     has_new_sample = local(False, "", "whether the force is a new value", type=Boolean)
     sample_interval = local(0.0, "s", "from the last new value to this one")
@@ -145,7 +121,6 @@ class BeatObserver(ForceControl, BeatSearch):
     full_share_time = local(0.0, "s", "time since all of the learned motion is fed forward")
     mean_square = local(0.0, "N^2", "mean square of the force error")
     feedback_mean_square = local(0.0, "N^2", "the same when feedback was last alone")
-    demand = local(0.0, "m", "integral of the velocity demand", display_unit="mm")
     line = local(0.0, "m", "its last values, a ring", shape=(LINE,))
     tip_position = local(0.0, "m", "place of the tip, by demand and play", display_unit="mm")
     line_head = local(0, "", "place of the latest", type=Int64)
@@ -161,9 +136,7 @@ def initialize_observer(self: BeatObserver) -> None:
     """Reset: no demand yet, no beat found."""
     for i in range(LINE):
         self.line[i] = 0.0
-    for i in range(3):
-        self.anchor[i] = 0.0
-        self.axis[i] = 1.0 if i == 2 else 0.0
+    fix_direction(self)
     self.integral_part = 0.0
     self.demand = 0.0
     self.tip_position = 0.0
@@ -183,7 +156,7 @@ def initialize_observer(self: BeatObserver) -> None:
 
 def update_observer(self: BeatObserver, t: float, h: float) -> float:
     """Search the beat in the force, then filter new values of it; return y [m]."""
-    delayed = delayed_demand(self, h)
+    delayed = delayed_value(self.line, self.line_head, self.delay / h, LINE)
     y = delayed + (self.setpoint - self.force) / self.stiffness
     self.tip_position = min(max(self.tip_position, delayed - self.play), delayed + self.play)
     wall = y - (delayed - self.tip_position)
@@ -224,24 +197,11 @@ def is_plausible(self: BeatObserver) -> bool:
     return has_beat and (self.full_share_time < JUDGED or self.mean_square <= self.feedback_mean_square)
 
 
-def delayed_demand(self: BeatObserver, h: float) -> float:
-    """Integral of the demand `delay` ago [m]."""
-    periods = self.delay / h
-    below = floor(periods)
-    part = periods - below
-    k = self.line_head - int(below) + LINE
-    return (1.0 - part) * self.line[k % LINE] + part * self.line[(k - 1) % LINE]
-
-
 def publish_velocity(self: BeatObserver, velocity: float, h: float) -> None:
     """Limit and publish a velocity [m/s], and integrate it; the feedforward replaces NaN."""
     if not abs(velocity) < LARGEST:
         velocity = self.feedforward
-    most = h * self.acceleration_maximum
-    velocity = min(max(velocity, self.velocity - most), self.velocity + most)
-    self.velocity = min(max(velocity, -self.velocity_maximum), self.velocity_maximum)
-    self.target_velocity = self.velocity
-    self.demand += h * self.velocity
+    limit_velocity(self, velocity, h)
     self.line_head = (self.line_head + 1) % LINE
     self.line[self.line_head] = self.demand
 
@@ -318,22 +278,6 @@ def turn_oscillator(mean: Any, covariance: Any, first: int, angle: float, n: int
         covariance[i, first + 1] = c * covariance[i, first + 1] - s * p
 
 
-def take_sample(mean: Any, covariance: Any, row: Any, gain: Any, innovation: float, noise: float, n: int) -> None:
-    """Kalman filter's update of n states by one sample: `row` is its derivative by each, `noise` its standard deviation [m]."""
-    variance = noise * noise
-    for i in range(n):
-        total = 0.0
-        for j in range(n):
-            total += covariance[i, j] * row[j]
-        gain[i] = total
-        variance += row[i] * total
-    for i in range(n):
-        mean[i] += gain[i] / variance * innovation
-        for j in range(i + 1):
-            covariance[i, j] -= gain[i] * gain[j] / variance
-            covariance[j, i] = covariance[i, j]
-
-
 def correct(self: BeatObserver, wall: float) -> None:
     """Update the filter by a sample of the wall [m]."""
     fill_waves(self.waves, 0, self.mean[PHASE], HARMONICS)
@@ -352,5 +296,6 @@ def correct(self: BeatObserver, wall: float) -> None:
         expected += self.mean[k] * self.waves[2 * i] + self.mean[k + 1] * self.waves[2 * i + 1]
         turn += (i + 1) * (self.mean[k] * self.waves[2 * i + 1] - self.mean[k + 1] * self.waves[2 * i])
     self.slope[PHASE] = turn
-    take_sample(self.mean, self.covariance, self.slope, self.gain, wall - expected, self.noise, N)
+    variance = project(self.covariance, self.slope, self.gain, self.noise * self.noise, N)
+    update(self.mean, self.covariance, self.gain, wall - expected, variance, N)
     self.mean[BREATH_RATE] = min(max(self.mean[BREATH_RATE], 2.0 * pi * SLOWEST), 2.0 * pi * FASTEST)

@@ -10,13 +10,14 @@ estimate of the wall is connected, PI with the wall's motion fed forward through
 
 from __future__ import annotations
 
-from math import exp, floor
+from math import exp
 from typing import Any
 
 from fmus.bouc_wen import BoucWenInverse, advance_inverse, initialize_inverse
+from fmus.control import VelocityControl, delayed_value
 
 from fmus.dead_zone import dead_zone
-from twin.component import Boolean, Int32, Int64, input, local, output, parameter, terminal
+from twin.component import Boolean, Int32, Int64, input, local, output, parameter
 
 PI_ALONE, FADING, LOCKED, BLIND, DISTURBED, WALL_ALONE, WORSE = 0, 1, 2, 3, 4, 5, 6
 SEARCHING, FOLLOWING, LEAVING = 0, 1, 2
@@ -36,14 +37,11 @@ SPACING = 34e-3  # [s] of what the search looks at, 4.5 s: with 5.1 s it begins 
 FORGETTING = 0.02  # [s] in which the last force is forgotten when none comes
 
 
-class LearnedControl(BoucWenInverse):
+class LearnedControl(VelocityControl, BoucWenInverse):
     """Variables shared by the learning force controllers: force input, velocity output and state."""
 
-    period = 5e-3
     buffers = (("delay", LINE - 2),)
 
-    setpoint = input("N", "desired contact force", start=0.2, minimum=0.0, nominal=0.1)
-    force = input("N", "measured contact force", nominal=0.1)
     enable = input(
         "", "whether the learned motion may move the gripper; otherwise it fades out", start=True, type=Boolean
     )
@@ -52,7 +50,6 @@ class LearnedControl(BoucWenInverse):
     heart_status = input("", "of that estimate: 0 valid, 1 degraded, 2 lost, or none is connected", start=2, type=Int32,
                          minimum=0, maximum=2)  # fmt: skip
 
-    target_velocity = output("m/s", "velocity demand for the drive, positive distal", display_unit="mm/s")
     state = output(
         "",
         "0 PI alone, 1 fading in or out, 2 locked, 3 no force is seen, 4 the beat is not as learned, "
@@ -65,8 +62,6 @@ class LearnedControl(BoucWenInverse):
     stiffness_estimate = output("N/m", "contact force per motion of the tip, as it reckons", display_unit="N/mm")
     delay_estimate = output("s", "from a demand until the force shows it, as it reckons", display_unit="ms")
     innovation = output("m", "last sample minus what was expected of it", display_unit="mm")
-
-    drive = terminal("what it commands", rule="bus", target_velocity=target_velocity)
 
     proportional = parameter(1.5, "m/(s*N)", "proportional gain", display_unit="mm/(s*N)", minimum=0.0,
                              source="chosen: with the wall 17 rad/s; 23 ms of delay leave 12 dB and 68 deg")  # fmt: skip
@@ -84,8 +79,6 @@ class LearnedControl(BoucWenInverse):
         minimum=0.1,
         source="6.5 N for 0.65 kg, and 6 N for friction, sheath and overshoot, stay below 15 N",
     )
-    velocity_maximum = parameter(0.5, "m/s", "limit of the velocity demand", display_unit="mm/s", minimum=0.0,
-                                 source="as the other controllers: ten times what the heart needs")  # fmt: skip
     forward_maximum = parameter(0.25, "m/s", "limit of the learned part", display_unit="mm/s", minimum=0.0,
                                 source="chosen: twice what a beat of 2 Hz needs")  # fmt: skip
     stiffness = parameter(11.2, "N/m", "contact force per motion of the tip, to begin with", display_unit="N/mm", minimum=1.0,
@@ -250,11 +243,7 @@ def inferred_reference(self: LearnedControl, h: float) -> float:
 
 def delayed(self: LearnedControl, line: Any, h: float) -> float:
     """Return the value of a ring buffer `delay` ago."""
-    periods = self.delay_estimate / h
-    periods_floor = floor(periods)
-    part = periods - periods_floor
-    k = self.latest - int(periods_floor) + LINE
-    return (1.0 - part) * line[k % LINE] + part * line[(k - 1) % LINE]
+    return delayed_value(line, self.latest, self.delay_estimate / h, LINE)
 
 
 def may_begin(self: LearnedControl) -> bool:

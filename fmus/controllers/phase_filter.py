@@ -20,6 +20,7 @@ from math import cos, exp, floor, pi, sin
 from typing import Any
 
 from fmus.fourier import begin_harmonics, fill_waves, renew_variance
+from fmus.kalman import project
 
 from twin.component import Component, local, parameter
 
@@ -293,14 +294,7 @@ def look(self: PhaseFilter, tip: float, speed: float) -> tuple[float, float]:
     self.slope[PHASE] = ratio * turn
     self.slope[STIFFNESS] = w - tip
     self.slope[DELAY] = ratio * speed
-    variance = 0.0
-    for i in range(N):
-        total = 0.0
-        for j in range(N):
-            total += self.covariance[i, j] * self.slope[j]
-        self.gain[i] = total
-        variance += self.slope[i] * total
-    return ratio * (w - tip), variance
+    return ratio * (w - tip), project(self.covariance, self.slope, self.gain, 0.0, N)
 
 
 def correct(self: PhaseFilter, innovation: float, variance: float, plant: bool) -> None:

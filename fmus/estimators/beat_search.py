@@ -81,6 +81,13 @@ def forget(self: BeatSearch) -> None:
     self.beat_rest = 1.0
 
 
+def fix_direction(self: BeatSearch) -> None:
+    """Search along the third coordinate, from zero: for a motion that is not measured in space."""
+    for i in range(3):
+        self.anchor[i] = 0.0
+        self.axis[i] = 1.0 if i == 2 else 0.0
+
+
 def remember(self: BeatSearch, spacing: float, time: float, x: float, y: float, z: float) -> bool:
     """Take a sample; True when the ring has a new one: the median of three, so that single outliers are left out.
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hw_bridge.bus.event_queue import MILLISECOND, NEVER
-from hw_bridge.bus.station import unconnected
+from hw_bridge.bus.event_queue import MILLISECOND
+from hw_bridge.bus.station import PassiveStation, unconnected
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -96,38 +96,21 @@ class Network(ABC):
         """Leave the bus."""
 
 
-class MasterPort:
-    """A master's station on the bus in simulated time."""
+class MasterPort(PassiveStation):
+    """A master's station on the bus in simulated time. One that was in bus-off has lost its drives, and stays disconnected."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.hear: Callable[[Frame], None] = unconnected
-        self.send: Callable[[Frame], None] = unconnected
         self.disconnected = False
-
-    def connect(self, send: Callable[[Frame], None]) -> None:
-        """Send frames with `send` from now on."""
-        self.send = send
-
-    def next_time(self) -> int:
-        """Never: it has no actions of its own."""
-        return NEVER
-
-    def advance(self, time: int) -> None:
-        """No-op."""
 
     def receive(self, frame: Frame) -> None:
         """Receive a frame."""
         self.hear(frame)
 
-    def error_passive(self) -> None:
-        """No-op: only bus-off has an effect."""
-
     def bus_off(self) -> None:
         """Disconnect this master."""
         self.disconnected = True
-
-    def bus_on(self) -> None:
-        """No-op: a master that was in bus-off has lost its drives, and stays disconnected."""
 
 
 class SimulatedNetwork(Network):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
+from hw_bridge.bus.event_queue import NEVER
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -12,6 +14,33 @@ if TYPE_CHECKING:
 
 def unconnected(_frame: Frame) -> None:
     """Discard frames until a bus is connected."""
+
+
+class PassiveStation:
+    """Station without actions of its own."""
+
+    def __init__(self) -> None:
+        self.send: Callable[[Frame], None] = unconnected
+
+    def connect(self, send: Callable[[Frame], None]) -> None:
+        """Send frames with `send` from now on."""
+        self.send = send
+
+    def next_time(self) -> int:
+        """Never: it has no actions."""
+        return NEVER
+
+    def advance(self, time: int) -> None:
+        """No-op."""
+
+    def error_passive(self) -> None:
+        """No-op."""
+
+    def bus_off(self) -> None:
+        """No-op."""
+
+    def bus_on(self) -> None:
+        """No-op."""
 
 
 class Station(Protocol):

@@ -205,7 +205,7 @@ def generic_drive(name: str, eds: Path | None, sizes: tuple[str, ...]) -> Profil
     from hw_bridge.dictionary import Dictionary
     from hw_bridge.eds import load_profile
     from hw_bridge.hardware import UnitKeys
-    from hw_bridge.profiles import GivenUnits, unknown_units
+    from hw_bridge.profiles import unknown_units
 
     if eds is None:
         raise click.UsageError(f"--profile {name}: name the drive's --eds FILE.")
@@ -213,9 +213,8 @@ def generic_drive(name: str, eds: Path | None, sizes: tuple[str, ...]) -> Profil
         units = UnitKeys.model_validate({kind: size for kind, _, size in (text.partition("=") for text in sizes)})
     except ValidationError as error:
         raise click.UsageError(f"--unit: {error.errors()[0]['msg'].removeprefix('Value error, ')}.") from None
-    given = GivenUnits(units.position, units.velocity, units.acceleration, units.current)
-    profile = load_profile(name, str(eds), given)
-    if missing := unknown_units(Dictionary(profile.objects, 1), given):
+    profile = load_profile(name, str(eds), units.given)
+    if missing := unknown_units(Dictionary(profile.objects, 1), units.given):
         raise click.UsageError(f"{'; '.join(missing)}. Add --unit, such as --unit velocity='1 mm/s'.")
     return profile
 

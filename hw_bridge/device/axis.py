@@ -52,7 +52,7 @@ class Axis:
         self._actual = [  # of what this drive has: place, smallest and largest value, and what is shown there
             ((index, sub), *dictionary.entry(index, sub).type.span, value)
             for (index, sub), value in ACTUAL.items()
-            if sub in dictionary.objects.get(index, {})
+            if dictionary.find(index, sub)
         ]
         self.start()
 

@@ -275,11 +275,19 @@ class CyclicPosition(ModeOfOperation):
         return cia402.BIT_12 | (cia402.BIT_13 if self.following_error() else 0)
 
 
-class CyclicVelocity(ModeOfOperation):
-    """csv: follows 60FFh with 60B1h added at once; 60B2h is fed forward into the loop of the current."""
+class DirectMode(ModeOfOperation):
+    """A mode that follows its command at once."""
 
     def begin(self) -> None:
         """Nothing to prepare."""
+
+    def bits(self) -> int:
+        """Follows the command."""
+        return cia402.BIT_12
+
+
+class CyclicVelocity(DirectMode):
+    """csv: follows 60FFh with 60B1h added at once; 60B2h is fed forward into the loop of the current."""
 
     def cycle(self) -> None:
         """Demand target and offset."""
@@ -288,32 +296,18 @@ class CyclicVelocity(ModeOfOperation):
         current = dictionary.get(cia402.TORQUE_OFFSET) * units.torque
         self.axis.follow_velocity(demand * units.velocity, None, current)
 
-    def bits(self) -> int:
-        """Follows the command."""
-        return cia402.BIT_12
 
-
-class CyclicTorque(ModeOfOperation):
+class CyclicTorque(DirectMode):
     """cst: follows 6071h at once, in per mille of the rated torque."""
-
-    def begin(self) -> None:
-        """Nothing to prepare."""
 
     def cycle(self) -> None:
         """Demand target and offset."""
         demand = self.dictionary.get(0x6071) + self.dictionary.get(cia402.TORQUE_OFFSET)
         self.axis.follow_current(demand * self.axis.units.torque)
 
-    def bits(self) -> int:
-        """Follows the command."""
-        return cia402.BIT_12
 
-
-class NoMode(ModeOfOperation):
+class NoMode(DirectMode):
     """Mode 0: no current."""
-
-    def begin(self) -> None:
-        """Nothing to prepare."""
 
     def cycle(self) -> None:
         """Let the motor run out."""

@@ -76,7 +76,7 @@ class Store:
 
     def _entry(self, dictionary: Dictionary, name: Any) -> Entry:
         match = OBJECT.fullmatch(name) if isinstance(name, str) else None
-        entry = dictionary.objects.get(int(match[1], 16), {}).get(int(match[2])) if match else None
+        entry = dictionary.find(int(match[1], 16), int(match[2])) if match else None
         if entry is None:
             raise DeclarationError(f"{self.path}: {self.profile} has no object {name!r}. Remove its line.")
         return entry

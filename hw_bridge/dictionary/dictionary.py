@@ -54,14 +54,15 @@ class Dictionary:
         for sub in self.objects.pop(index, {}):
             self.values.pop((index, sub), None)
 
+    def find(self, index: int, subindex: int = 0) -> Entry | None:
+        """Return the entry, if there is one."""
+        return self.objects.get(index, {}).get(subindex)
+
     def entry(self, index: int, subindex: int = 0) -> Entry:
         """Return the entry; Abort if it is missing."""
-        subindices = self.objects.get(index)
-        if subindices is None:
-            raise Abort(Code.NO_OBJECT)
-        if subindex not in subindices:
-            raise Abort(Code.NO_SUBINDEX)
-        return subindices[subindex]
+        if (entry := self.find(index, subindex)) is None:
+            raise Abort(Code.NO_SUBINDEX if index in self.objects else Code.NO_OBJECT)
+        return entry
 
     def get(self, index: int, subindex: int = 0, missing: int = 0) -> int:
         """Read a number on the device's side; `missing` if it has no such object."""

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from hw_bridge.bus import MILLISECOND, NEVER
-from twin.errors import SimulationError, nearest
 
 LARGEST = 1e6  # factor and offset: more is a mistake
 
@@ -63,11 +62,3 @@ class Fault:
     offset: float = 0.0
     factor: float = 2.0
     identifiers: tuple[int, int] | None = None
-
-
-def cause(text: str) -> Cause:
-    """Parse the name of a cause."""
-    try:
-        return Cause(text)
-    except ValueError:
-        raise SimulationError(f"There is no fault {text!r}. {nearest(text, [*Cause])}") from None

@@ -221,20 +221,9 @@ class FaultKeys(Keys):
 
     def made(self) -> Fault:
         """Convert to the injected fault."""
-        low_high = (self.identifiers[0], self.identifiers[1]) if self.identifiers is not None else None
-        return Fault(
-            Cause(self.fault),
-            self.code,
-            self.lasting,
-            self.duration,
-            self.share,
-            self.count,
-            self.delay,
-            self.jitter,
-            self.offset,
-            self.factor,
-            low_high,
-        )
+        values = self.model_dump(exclude={"at", "fault", "node", "identifiers"})
+        ends = None if self.identifiers is None else (self.identifiers[0], self.identifiers[1])
+        return Fault(Cause(self.fault), identifiers=ends, **values)
 
 
 class UnitKeys(Keys):
@@ -244,6 +233,11 @@ class UnitKeys(Keys):
     velocity: Annotated[tuple[float, str] | None, sized("m/s", "rad/s")] = None
     acceleration: Annotated[tuple[float, str] | None, sized("m/s^2", "rad/s^2")] = None
     current: Annotated[tuple[float, str] | None, sized("A")] = None
+
+    @property
+    def given(self) -> GivenUnits:
+        """The same for a profile."""
+        return GivenUnits(**self.model_dump())
 
 
 class NodeKeys(Keys):
@@ -288,13 +282,11 @@ class NodeKeys(Keys):
     @property
     def drive(self) -> Profile:
         """The profile, with the dictionary of its EDS file where the hardware file names one. DeclarationError if it is none."""
-        units = self.units
-        given = GivenUnits(units.position, units.velocity, units.acceleration, units.current)
         if not self.eds and self.profile in DRIVE_PROFILES:
-            return profile(self.profile).with_units(given)
+            return profile(self.profile).with_units(self.units.given)
         from hw_bridge.eds import load_profile  # canopen, which a hardware file without an EDS file does not need
 
-        return load_profile(self.profile, self.eds, given)
+        return load_profile(self.profile, self.eds, self.units.given)
 
     @property
     def offset(self) -> bool:

@@ -127,7 +127,7 @@ def lowered_for_homing(node: Node, read: Callable[[int, int], int | None]) -> It
     """
     most = SHARE * node.keys.limits.force / node.force_constant  # [A]
     for index, sub, unit in node.profile.homing_force:
-        if sub not in node.mirror.objects.get(index, {}):
+        if not node.mirror.find(index, sub):
             continue
         before, value = read(index, sub), int(most / (unit or node.units.torque))
         if before is not None and value < before:

@@ -89,7 +89,7 @@ def takes_set_points(mirror: Dictionary) -> bool:
 
 
 def _mappable(mirror: Dictionary, word: int) -> bool:
-    entry = mirror.objects.get(word >> 16, {}).get(word >> 8 & 0xFF)
+    entry = mirror.find(word >> 16, word >> 8 & 0xFF)
     return entry is not None and entry.mappable
 
 

@@ -105,7 +105,7 @@ class WritePlan:
 
     def add_if_present(self, index: int, value: int, reason: str) -> None:
         """Plan a write where the profile has such an object, clamped to its range."""
-        entry = self.node.mirror.objects.get(index, {}).get(0)
+        entry = self.node.mirror.find(index)
         if entry is not None and entry.writable:
             self.add(index, 0, clamp_to_range(entry, value), reason)
 
@@ -113,7 +113,7 @@ class WritePlan:
         """Numbers whose size differs from the profile's."""
         lines = []
         for (index, sub), data in self.before.items():
-            entry = self.node.mirror.objects.get(index, {}).get(sub)
+            entry = self.node.mirror.find(index, sub)
             if entry is not None and data and len(data) != entry.type.size:
                 lines.append(
                     f"{self.node.name}: {index:04X}h.{sub} has {len(data)} bytes, in the profile {entry.type.size}."
@@ -148,7 +148,7 @@ def plan_drive(node: Node, period: int, master: int) -> WritePlan:
     _own_limits(plan, node)
     for row in node.profile.setup:
         index, sub, value = row.index, row.sub, row.value
-        entry = node.mirror.objects.get(index, {}).get(sub)
+        entry = node.mirror.find(index, sub)
         if entry is None:
             continue
         if clamp_to_range(entry, value) != value or not entry.writable:  # by its EDS file
@@ -209,7 +209,7 @@ def _own_limits(plan: WritePlan, node: Node) -> None:
     stored = {
         address: value
         for address in (*LIMITS, *POSITION_LIMITS)
-        if address[1] in node.mirror.objects.get(address[0], {}) and (value := plan.peek(*address)) is not None
+        if node.mirror.find(*address) and (value := plan.peek(*address)) is not None
     }
     for address, kind in LIMITS.items():
         if kind and stored.get(address, 0) > 0:
@@ -233,7 +233,7 @@ def _homing_offsets(plan: WritePlan, node: Node) -> list[str]:
 
 def _overlay(node: Node, index: int, sub: int, value: int) -> None:
     """Make the units follow from the planned value."""
-    if sub in node.mirror.objects.get(index, {}):
+    if node.mirror.find(index, sub):
         node.mirror.values[index, sub] = value
 
 
@@ -288,7 +288,7 @@ def _positions(plan: WritePlan, node: Node) -> None:
         speed = max(speed, 1)
         plan.add(0x6098, 0, homing.method, "homing.method", later=True)
         for sub, value in ((1, speed), (2, max(speed // 2, 1))):
-            if sub in node.mirror.objects.get(0x6099, {}):
+            if node.mirror.find(0x6099, sub):
                 plan.add(0x6099, sub, value, "homing.speed", later=True)
         for limit in lowered_for_homing(node, plan.planned_value):
             plan.add(limit.index, limit.sub, limit.value, HOMING_FORCE_REASON, later=True)

@@ -106,7 +106,7 @@ def learn_objects(node: Node) -> Findings:
 
 def _has(node: Node, index: int, sub: int) -> bool:
     """Whether the drive has an object; a missing one is removed."""
-    if sub not in node.mirror.objects.get(index, {}):
+    if not node.mirror.find(index, sub):
         return False
     try:
         upload(node, index, sub)

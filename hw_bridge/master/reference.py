@@ -8,12 +8,11 @@ an axis that was pushed in between is homed again.
 from __future__ import annotations
 
 import json
-import os
 import re
 from math import copysign
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hw_bridge.journal import state_folder
 from twin.errors import SimulationError
 from twin.files import write_atomically
 
@@ -25,13 +24,6 @@ CLEARANCE, TURNED = 1e-3, 0.1  # so far from its reference a drive is left that 
 NEAR = 0.25  # of it, within which two positions are one
 
 
-def folder() -> Path:
-    """`$TWIN_STATE`, else `twin` in the user's state folder (XDG; `%LOCALAPPDATA%` on Windows), with its records."""
-    base = os.environ.get("LOCALAPPDATA" if os.name == "nt" else "XDG_STATE_HOME")
-    state = Path(base) if base else Path.home() / ".local" / "state"
-    return Path(os.environ.get("TWIN_STATE") or state / "twin") / "references"
-
-
 class Reference:
     """The record of one drive of a hardware file."""
 
@@ -39,7 +31,7 @@ class Reference:
         self.keys, self.name, self.own = keys, name, keys.nodes[name]
         self.clearance = TURNED if rotary else CLEARANCE
         bus = f"{keys.interface}_{keys.channel}_{keys.options.get('port', '')}" if keys.is_software() else "real"
-        self.path = folder() / f"{re.sub(r'[^A-Za-z0-9.-]+', '_', bus)}-node{self.own.node}.json"
+        self.path = state_folder() / "references" / f"{re.sub(r'[^A-Za-z0-9.-]+', '_', bus)}-node{self.own.node}.json"
 
     def resting_position(self) -> float:
         """Position after homing [m or rad]: within the limits, and away from the drive's zero."""

@@ -93,7 +93,7 @@ def _unstated_units(node: Node) -> list[str]:
 def _has_other_current(node: Node, address: tuple[int, int]) -> bool:
     """Whether the drive has its rated current in another object than this one."""
     for other in RATED_CURRENTS:
-        if other != address and other[1] in node.mirror.objects.get(other[0], {}):
+        if other != address and node.mirror.find(*other):
             try:
                 return int.from_bytes(upload(node, *other), "little") > 0
             except SdoError:

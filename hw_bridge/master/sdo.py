@@ -32,6 +32,11 @@ class SilentError(SimulationError):
     """SDO timeout."""
 
 
+def download_request(index: int, sub: int, data: bytes) -> bytes:
+    """Request of an expedited download of up to four bytes."""
+    return struct.pack("<BHB", 0x23 | (4 - len(data)) << 2, index, sub) + data.ljust(4, b"\0")
+
+
 class SdoClient:
     """SDO requests of a master to one node. `wait(duration, done)` lets time pass and frames arrive."""
 
@@ -76,8 +81,7 @@ class SdoClient:
 
     def write(self, index: int, sub: int, data: bytes, timeout: int | None = None) -> None:
         """Write an entry of up to four bytes; numbers have no more."""
-        head = 0x23 | (4 - len(data)) << 2
-        self._transfer(struct.pack("<BHB", head, index, sub) + data.ljust(4, b"\0"), index, sub, 0x60, timeout)
+        self._transfer(download_request(index, sub, data), index, sub, 0x60, timeout)
 
     def _transfer(
         self, request: bytes, index: int, sub: int, expected: int, timeout: int | None, segment: bool = False

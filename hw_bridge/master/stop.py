@@ -12,7 +12,7 @@ from hw_bridge.dictionary import Command, NmtState, State, cia301, cia402
 from hw_bridge.master import setup
 from hw_bridge.master.node import AT_REST
 from hw_bridge.master.reference import Reference
-from hw_bridge.master.sdo import ATTEMPTS, TIMEOUT, SdoError
+from hw_bridge.master.sdo import ATTEMPTS, TIMEOUT, SdoError, download_request
 from twin.errors import SimulationError, TwinError
 
 if TYPE_CHECKING:
@@ -111,8 +111,7 @@ class Stop:
 
     def _download(self, node: Node, index: int, sub: int, data: bytes) -> None:
         node.sdo.prompt = False  # its answer may be taken for one to a later request
-        head = 0x23 | (4 - len(data)) << 2
-        frame = Frame(cia301.SDO_REQUEST + node.number, struct.pack("<BHB", head, index, sub) + data.ljust(4, b"\0"))
+        frame = Frame(cia301.SDO_REQUEST + node.number, download_request(index, sub, data))
         self.attempt(partial(self.network.send, frame))
 
     def _stands(self, node: Node) -> bool:

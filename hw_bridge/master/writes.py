@@ -23,7 +23,7 @@ MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
 def upload(node: Station, index: int, sub: int = 0) -> bytes:
     """Upload a number in the node's own size, which may differ from the profile's."""
     data = node.sdo.read(index, sub)
-    entry = node.mirror.objects.get(index, {}).get(sub)
+    entry = node.mirror.find(index, sub)
     if not node.sdo.sized and entry is not None:
         data = data[: entry.type.size or LONGEST]
     node.sizes[index, sub] = len(data)
@@ -32,7 +32,7 @@ def upload(node: Station, index: int, sub: int = 0) -> bytes:
 
 def is_signed(node: Station, index: int, sub: int, value: int = 0) -> bool:
     """Whether a number is signed, by the profile; without an entry, by its value."""
-    entry = node.mirror.objects.get(index, {}).get(sub)
+    entry = node.mirror.find(index, sub)
     return value < 0 if entry is None else entry.type.signed
 
 
@@ -93,7 +93,7 @@ def write(node: Station, index: int, sub: int, value: int, reason: str = "", las
         read_back = download(node, index, sub, data)
     except SdoError as error:
         raise SdoError(f"{node.name}: {error} It was to become {value}.", error.code) from None
-    if sub in node.mirror.objects.get(index, {}):
+    if node.mirror.find(index, sub):
         node.mirror.values[index, sub] = int.from_bytes(read_back, "little", signed=is_signed(node, index, sub))
     if read_back != data:
         value_read = int.from_bytes(read_back, "little", signed=is_signed(node, index, sub, value))
@@ -115,6 +115,6 @@ def clamp_to_range(entry: Entry, value: int) -> int:
 
 def write_if_present(node: Station, index: int, sub: int, value: int, reason: str = "") -> None:
     """Write where the node has such an object, clamped to its range."""
-    entry = node.mirror.objects.get(index, {}).get(sub)
+    entry = node.mirror.find(index, sub)
     if entry is not None and entry.writable:
         write(node, index, sub, clamp_to_range(entry, value), reason)

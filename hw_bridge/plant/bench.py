@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -46,72 +45,38 @@ def bench_network(keys: HardwareKeys, build: Path) -> Network:
 
 def set_up(keys: HardwareKeys, axes: Mapping[str, Component], build: Path) -> Bench:
     """Open the bench of a hardware file, whose drives replace these members."""
-    return SimulatedBench(keys, axes, build) if keys.simulated else WireBench(keys)
+    return SimulatedBench(keys, axes, build) if keys.simulated else Bench(wire(keys))
 
 
-class Bench(ABC):
-    """The drives and modules of a case. `network`: their bus, as a master uses it."""
+class Bench:
+    """The drives and modules of a case on a bus, as a master uses it: what is known of real ones, or of other processes."""
 
-    network: Network
-
-    @abstractmethod
-    def update_load(self) -> None:
-        """Apply the loads and parameters of the members from now on."""
-
-    @abstractmethod
-    def zero(self, positions: Mapping[str, float]) -> None:
-        """Set the measured positions [m or rad]."""
-
-    @abstractmethod
-    def plan(self, overrides: Sequence[Override], origin: int) -> None:
-        """Schedule overrides at their times; `origin` [ns] is the scenario's zero."""
-
-    @abstractmethod
-    def acted(self, overrides: Sequence[Override], origin: int) -> list[Override]:
-        """Overrides whose time has come."""
-
-    @abstractmethod
-    def shown(self, name: str) -> dict[str, Callable[[], float]]:
-        """Values of a drive beyond its actual values, by names of outputs."""
-
-    @abstractmethod
-    def faults_at_rest(self, failed: bool, unconfirmed: Sequence[str]) -> list[str]:
-        """Return what is not at rest after the stop. `unconfirmed`: what the master could not confirm."""
-
-    @abstractmethod
-    def report(self) -> dict[str, Any]:
-        """Figures of the bus."""
-
-
-class WireBench(Bench):
-    """Real drives, or simulated ones in other processes: only their messages are known."""
-
-    def __init__(self, keys: HardwareKeys) -> None:
-        self.network = wire(keys)
+    def __init__(self, network: Network) -> None:
+        self.network = network
 
     def update_load(self) -> None:
-        """No-op: real loads act by themselves."""
+        """Apply the loads and parameters of the members from now on; real loads act by themselves."""
 
     def zero(self, positions: Mapping[str, float]) -> None:
-        """No-op: true positions are unknown."""
+        """Set the measured positions [m or rad], where true ones are known."""
 
     def plan(self, overrides: Sequence[Override], origin: int) -> None:
-        """No-op: faults cannot be injected here."""
+        """Schedule overrides at their times, where faults can be injected; `origin` [ns] is the scenario's zero."""
 
     def acted(self, overrides: Sequence[Override], origin: int) -> list[Override]:  # noqa: ARG002 - none was planned
-        """Return an empty list."""
+        """Overrides whose time has come."""
         return []
 
     def shown(self, name: str) -> dict[str, Callable[[], float]]:  # noqa: ARG002 - the same for all
-        """Return no values."""
+        """Values of a drive beyond its actual values, by names of outputs."""
         return {}
 
     def faults_at_rest(self, failed: bool, unconfirmed: Sequence[str]) -> list[str]:  # noqa: ARG002 - nothing more is known
-        """Return what the master could not confirm."""
+        """Return what is not at rest after the stop. `unconfirmed`: what the master could not confirm."""
         return list(unconfirmed)
 
     def report(self) -> dict[str, Any]:
-        """Return no figures: the interface has none of the bus."""
+        """Figures of the bus, where it has any."""
         return {}
 
 
@@ -121,6 +86,7 @@ class SimulatedBench(Bench):
     def __init__(self, keys: HardwareKeys, axes: Mapping[str, Component], build: Path) -> None:
         self.keys = keys
         self.bus = Bus(keys.bit_rate)
+        super().__init__(SimulatedNetwork(self.bus))
         self.plants: dict[str, Plant] = {}
         self.modules: dict[str, Module] = {}
         for name, axis in axes.items():
@@ -129,7 +95,6 @@ class SimulatedBench(Bench):
         for name, module in keys.modules.items():
             self.modules[name] = Module(device(module.profile), module.node)
             self.bus.attach(self.modules[name])
-        self.network = SimulatedNetwork(self.bus)
 
     def update_load(self) -> None:
         """Apply the members' loads to the motors."""

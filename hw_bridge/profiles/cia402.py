@@ -12,15 +12,17 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import I8, METHODS, U8, U32, Code, Dictionary, Mode, record, sub, var
 from hw_bridge.profiles.description import (
+    CONNECTION,
     DISABLED_AFTER_QUICK_STOP,
+    OFF,
     QUICK_STOP_WHEN_LOST,
+    RAMP,
     Currents,
-    Fault,
     GivenUnits,
     Profile,
-    Reaction,
     Rules,
     Units,
+    faults,
 )
 from hw_bridge.profiles.description import RATED as AS_RATED
 from hw_bridge.profiles.quantities import SUFFIXES
@@ -48,28 +50,25 @@ NUMERATORS = {
 DENOMINATORS = {0x00: (1.0, ""), 0x03: (1.0, "/s"), 0x47: (60.0, "/s"), 0x57: (1.0, "/s^2")}  # bits 8 to 15
 OBJECTS = {"position": "60A8h, or 6092h, or 608Fh", "velocity": "60A9h", "acceleration": "60AAh"}
 
-FAULTS = {  # codes of CiA 402
-    code: Fault(register, 0, reaction, meaning)
-    for code, register, reaction, meaning in (
-        (0x2310, 0x03, Reaction.OFF, "continuous overcurrent"),
-        (0x2320, 0x03, Reaction.OFF, "short circuit"),
-        (0x3210, 0x05, Reaction.OFF, "overvoltage"),
-        (0x3220, 0x05, Reaction.OFF, "undervoltage"),
-        (0x4210, 0x09, Reaction.OFF, "temperature of the device"),
-        (0x4310, 0x09, Reaction.OFF, "temperature of the drive"),
-        (0x5113, 0x05, Reaction.OFF, "logic supply voltage"),
-        (0x6100, 0x21, Reaction.OFF, "internal software"),
-        (0x6320, 0x21, Reaction.RAMP, "parameter"),
-        (0x7305, 0x21, Reaction.OFF, "incremental encoder 1"),
-        (0x8110, 0x11, Reaction.CONNECTION, "CAN overrun (objects lost)"),
-        (0x8120, 0x11, Reaction.CONNECTION, "CAN error passive"),
-        (0x8130, 0x11, Reaction.CONNECTION, "life guarding or heartbeat"),
-        (0x8140, 0x11, Reaction.CONNECTION, "recovered from bus-off"),
-        (0x8210, 0x11, Reaction.CONNECTION, "PDO not processed, length"),
-        (0x8220, 0x11, Reaction.CONNECTION, "PDO too long"),
-        (0x8611, 0x21, Reaction.RAMP, "following error"),
-    )
-}
+FAULTS = faults(  # codes of CiA 402
+    (0x2310, 0x03, OFF, "continuous overcurrent"),
+    (0x2320, 0x03, OFF, "short circuit"),
+    (0x3210, 0x05, OFF, "overvoltage"),
+    (0x3220, 0x05, OFF, "undervoltage"),
+    (0x4210, 0x09, OFF, "temperature of the device"),
+    (0x4310, 0x09, OFF, "temperature of the drive"),
+    (0x5113, 0x05, OFF, "logic supply voltage"),
+    (0x6100, 0x21, OFF, "internal software"),
+    (0x6320, 0x21, RAMP, "parameter"),
+    (0x7305, 0x21, OFF, "incremental encoder 1"),
+    (0x8110, 0x11, CONNECTION, "CAN overrun (objects lost)"),
+    (0x8120, 0x11, CONNECTION, "CAN error passive"),
+    (0x8130, 0x11, CONNECTION, "life guarding or heartbeat"),
+    (0x8140, 0x11, CONNECTION, "recovered from bus-off"),
+    (0x8210, 0x11, CONNECTION, "PDO not processed, length"),
+    (0x8220, 0x11, CONNECTION, "PDO too long"),
+    (0x8611, 0x21, RAMP, "following error"),
+)
 
 
 def stated_unit(dictionary: Dictionary, kind: str) -> tuple[float, str] | None:

@@ -25,6 +25,9 @@ class Reaction(StrEnum):
     OFF = "fault, power stage off at once"
 
 
+REPORT, CONNECTION, RAMP, OFF = Reaction.REPORT, Reaction.CONNECTION, Reaction.RAMP, Reaction.OFF
+
+
 class Fault(NamedTuple):
     """A row of a vendor's table of errors: bits of the error register 1001h, of the vendor's own register 2320h."""
 
@@ -32,6 +35,11 @@ class Fault(NamedTuple):
     vendor: int
     reaction: Reaction
     meaning: str
+
+
+def faults(*rows: tuple[int, int, Reaction, str]) -> dict[int, Fault]:
+    """Errors by EMCY code, of a vendor without a register of its own. Rows: code, bits of 1001h, reaction, meaning."""
+    return {code: Fault(register, 0, reaction, meaning) for code, register, reaction, meaning in rows}
 
 
 class Units(NamedTuple):
@@ -125,7 +133,6 @@ class Profile(Device):
     # why the units may not be those of the drive; the pitch of the motor that the hardware file names [m], or None
     unsure: Callable[[Dictionary, float | None], list[str]] = lambda _, __: []
     unstated_units: tuple[str, ...] = ()  # kinds of unit that no object states: the hardware file has to
-    options: dict[int, int] = field(default_factory=dict)  # instead of FIXED
     target_beyond_limit: int = 0  # EMCY for a target outside 607Dh; 0: it is clipped
     overcurrent: int = 0x2310  # EMCY of too much current
     encoder_error: int | None = None  # EMCY of a lost encoder; None: not noticed
@@ -158,4 +165,4 @@ class Profile(Device):
 
     def option(self, dictionary: Dictionary, index: int) -> int:
         """An option code, from the dictionary or as the vendor fixed it."""
-        return dictionary.get(index, missing=self.options.get(index, FIXED[index]))
+        return dictionary.get(index, missing=FIXED[index])

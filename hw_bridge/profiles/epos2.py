@@ -17,28 +17,26 @@ from hw_bridge.dictionary import (
     I16,
     I32,
     METHODS,
-    TEXT,
     U8,
     U16,
     U32,
     Code,
     Mode,
-    NodeId,
     record,
     sub,
     supported,
     var,
 )
-from hw_bridge.profiles.description import MILLIAMPERE, Currents, Fault, Profile, Reaction, Rules, Units
+from hw_bridge.profiles.description import CONNECTION, MILLIAMPERE, OFF, RAMP, Currents, Profile, Rules, Units, faults
+from hw_bridge.profiles.maxon import CONSUMERS, DISABLED, ERROR_HISTORY, NO_RTR
 from hw_bridge.profiles.motors import PULSES, RPM
-from hw_bridge.profiles.rows import joined, pdo
+from hw_bridge.profiles.rows import adapted, joined, process_data, standard
 
 if TYPE_CHECKING:
     from hw_bridge.dictionary import Dictionary
 
 HOMING = {n: METHODS[n] for n in (1, 2, 7, 11, 17, 18, 23, 27, 33, 34, 35)} | BLOCKS_MAXON  # recalled
 MODES = (Mode.PP, Mode.PV, Mode.HM)
-NO_RTR, OFF = 0x40000000, 0xC0000000
 COUNTS, TURNS_PER_MINUTE = 0xAC, 0xA4  # of 608Ah; of 608Ch, and a second of it of 608Eh: the defaults of the EDS
 DIMENSIONS = {  # objects that have to hold these values, and what they say otherwise
     0x608A: (COUNTS, "positions are no counts"),
@@ -48,33 +46,26 @@ DIMENSIONS = {  # objects that have to hold these values, and what they say othe
 ENCODERS = (1, 2)  # of 2210h.2: incremental encoder 1 with and without index, recalled
 
 COMMUNICATION = joined(
-    var(0x1000, "Device type", U32, "const", 0x00020192),
-    var(0x1001, "Error register", U8, "ro"),
-    record(0x1003, "Error history", sub(0, "Number of errors", U8, "rw", 0),
-           *(sub(n, f"Error history {n}", U32, "ro") for n in range(1, 6))),
-    var(0x1005, "COB-ID SYNC", U32, "rw", 0x80, 0x80, 0x80),
-    var(0x1008, "Manufacturer device name", TEXT, "const", "EPOS2"),
-    var(0x100C, "Guard time", U16, "rw"),
-    var(0x100D, "Life time factor", U8, "rw"),
+    adapted(0x1000, 0x00020192),
+    adapted(0x1001, mappable=False),
+    ERROR_HISTORY,
+    adapted(0x1005, None, 0x80, 0x80),
+    adapted(0x1008, "EPOS2"),
+    standard(0x100C, 0x100D),
     record(0x1010, "Store parameters", sub(1, "Save all parameters", U32, "rw", 1)),
     record(0x1011, "Restore default parameters", sub(1, "Restore all default parameters", U32, "rw", 1)),
-    var(0x1014, "COB-ID EMCY", U32, "rw", NodeId(0x80)),
-    record(0x1016, "Consumer heartbeat time", sub(1, "Consumer 1 heartbeat time", U32, "rw"),
-           sub(2, "Consumer 2 heartbeat time", U32, "rw")),
-    var(0x1017, "Producer heartbeat time", U16, "rw"),
-    record(0x1018, "Identity object", sub(1, "Vendor ID", U32, "const", 0xFB), sub(2, "Product code", U32, "const", 0x63220000),
-           sub(3, "Revision number", U32, "const", 0), sub(4, "Serial number", U32, "const", 1)),
-)  # fmt: skip
+    standard(0x1014),
+    CONSUMERS,
+    standard(0x1017),
+    adapted(0x1018, (0xFB, 0x63220000, 0, 1)),
+)
 
-PROCESS_DATA = joined(
-    pdo(1, 0x200, (0x60400010,), receive=True, objects=8),
-    pdo(2, 0x300, (0x60400010, 0x607A0020), receive=True, objects=8),
-    pdo(3, 0x400, (0x60400010, 0x60FF0020), receive=True, objects=8),
-    pdo(4, 0x500, (0x206B0020,), receive=True, objects=8),
-    pdo(1, 0x180, (0x60410010, 0x60640020), receive=False, objects=8, flags=NO_RTR, inhibit=10),
-    pdo(2, 0x280, (0x20270010, 0x20280020), receive=False, objects=8, flags=NO_RTR, inhibit=10),
-    pdo(3, 0x380, (), receive=False, objects=8, flags=OFF, inhibit=10),
-    pdo(4, 0x480, (), receive=False, objects=8, flags=OFF, inhibit=10),
+PROCESS_DATA = process_data(
+    8,
+    ((0x60400010,), (0x60400010, 0x607A0020), (0x60400010, 0x60FF0020), (0x206B0020,)),
+    ((0x60410010, 0x60640020), (0x20270010, 0x20280020), (), ()),
+    transmit_flags=(NO_RTR, NO_RTR, DISABLED, DISABLED),
+    inhibit=10,
 )
 
 VENDOR = joined(
@@ -92,72 +83,49 @@ VENDOR = joined(
 )
 
 APPLICATION = joined(
-    var(0x6007, "Abort connection option code", I16, "rw", 0, 0, 3),
-    var(0x6040, "Controlword", U16, "rw", pdo=True),
-    var(0x6041, "Statusword", U16, "ro", pdo=True),
-    var(0x605B, "Shutdown option code", I16, "rw", 0, 0, 1),
-    var(0x605C, "Disable operation option code", I16, "rw", 1, 0, 1),
-    var(0x605E, "Fault reaction option code", I16, "rw", 2, 0, 2),
-    var(0x6060, "Modes of operation", I8, "rw", 1, pdo=True),
-    var(0x6061, "Modes of operation display", I8, "ro", pdo=True),
-    var(0x6062, "Position demand value", I32, "ro", pdo=True),
-    var(0x6064, "Position actual value", I32, "ro", pdo=True),
+    standard(0x6007, 0x6040, 0x6041, 0x605B, 0x605C, 0x605E, 0x6060, 0x6061, 0x6062, 0x6064),
     var(0x6065, "Max following error", U32, "rw", 2000, pdo=True),
-    var(0x6067, "Position window", U32, "rw", 0xFFFFFFFF),
-    var(0x6068, "Position window time", U16, "rw", 0),
-    var(0x606B, "Velocity demand value", I32, "ro", pdo=True),
-    var(0x606C, "Velocity actual value", I32, "ro", pdo=True),
+    standard(0x6067, 0x6068, 0x606B, 0x606C),
     var(0x606D, "Velocity window", U32, "rw", 30),  # default of the EDS is 0, which never is reached
-    var(0x606E, "Velocity window time", U16, "rw", 0),
-    var(0x6078, "Current actual value [mA]", I16, "ro", pdo=True),
-    var(0x607A, "Target position", I32, "rw", pdo=True),
+    adapted(0x606E, mappable=False),
+    standard(0x6078, 0x607A),
     var(0x607C, "Home offset", I32, "rw", pdo=True),
-    record(0x607D, "Software position limit", sub(1, "Min position limit", I32, "rw", -0x80000000),
-           sub(2, "Max position limit", I32, "rw", 0x7FFFFFFF)),
-    var(0x607F, "Max profile velocity", U32, "rw", 25000, 0, 25000),
-    var(0x6081, "Profile velocity", U32, "rw", 1000, pdo=True),  # rpm
-    var(0x6083, "Profile acceleration", U32, "rw", 10000, pdo=True),  # rpm/s
-    var(0x6084, "Profile deceleration", U32, "rw", 10000, pdo=True),
-    var(0x6085, "Quick stop deceleration", U32, "rw", 10000, pdo=True),
-    var(0x6086, "Motion profile type", I16, "rw", 0, 0, 0),  # 1, sin2, is not simulated
+    adapted(0x607D, (-0x80000000, 0x7FFFFFFF)),
+    adapted(0x607F, 25000, 0, 25000),
+    standard(0x6081, 0x6083, 0x6084, 0x6085, 0x6086),  # rpm, rpm/s
     var(0x6089, "Position notation index", I8, "rw", 0, 0, 0),
     var(0x608A, "Position dimension index", U8, "rw", COUNTS, COUNTS, COUNTS),
     var(0x608B, "Velocity notation index", I8, "rw", 0, -3, 0),
     var(0x608C, "Velocity dimension index", U8, "rw", TURNS_PER_MINUTE, TURNS_PER_MINUTE, TURNS_PER_MINUTE),
     var(0x608D, "Acceleration notation index", I8, "rw", 0, 0, 0),
     var(0x608E, "Acceleration dimension index", U8, "rw", TURNS_PER_MINUTE, TURNS_PER_MINUTE, TURNS_PER_MINUTE),
-    var(0x6098, "Homing method", I8, "rw", 7, pdo=True),
-    record(0x6099, "Homing speeds", sub(1, "Speed for switch search", U32, "rw", 100, pdo=True),
-           sub(2, "Speed for zero search", U32, "rw", 10, pdo=True)),
-    var(0x609A, "Homing acceleration", U32, "rw", 1000, pdo=True),
-    var(0x60C5, "Max acceleration", U32, "rw", 0xFFFFFFFF),
-    var(0x60FF, "Target velocity", I32, "rw", pdo=True),
-    var(0x6402, "Motor type", U16, "rw", 10),
+    *(adapted(index, mappable=True) for index in (0x6098, 0x6099, 0x609A)),
+    standard(0x60C5, 0x60FF, 0x6402),
     record(0x6410, "Motor data", sub(1, "Continuous current limit [mA]", U16, "rw", 5000, 0, 5000, pdo=True),
            sub(2, "Output current limit [mA]", U16, "rw", 10000, 0, 10000, pdo=True), sub(3, "Pole pair number", U8, "rw", 1),
            sub(4, "Maximal motor speed", U32, "rw", 25000, pdo=True),
            sub(5, "Thermal time constant winding [0.1 s]", U16, "rw", 40, 1, 5400)),
-    var(0x6502, "Supported drive modes", U32, "const", supported(*MODES)),
+    adapted(0x6502, supported(*MODES)),
 )  # fmt: skip
 
-FAULTS = {  # EMCY: bits of 1001h, recalled; bit 7 is a motion error
-    0x1000: Fault(0x01, 0, Reaction.OFF, "generic"),
-    0x2310: Fault(0x03, 0, Reaction.OFF, "overcurrent"),
-    0x3210: Fault(0x05, 0, Reaction.OFF, "overvoltage"),
-    0x3220: Fault(0x05, 0, Reaction.OFF, "undervoltage"),
-    0x4210: Fault(0x09, 0, Reaction.OFF, "temperature"),
-    0x5113: Fault(0x05, 0, Reaction.OFF, "logic supply voltage too low"),
-    0x6100: Fault(0x21, 0, Reaction.OFF, "internal software"),
-    0x6320: Fault(0x21, 0, Reaction.RAMP, "software parameter"),
-    0x7320: Fault(0xA1, 0, Reaction.OFF, "position sensor"),
-    0x8110: Fault(0x11, 0, Reaction.CONNECTION, "CAN overrun (objects lost)"),
-    0x8120: Fault(0x11, 0, Reaction.CONNECTION, "CAN error passive"),
-    0x8130: Fault(0x11, 0, Reaction.CONNECTION, "life guarding or heartbeat"),
-    0x8150: Fault(0x11, 0, Reaction.CONNECTION, "transmit COB-ID collision"),
-    0x81FD: Fault(0x11, 0, Reaction.CONNECTION, "CAN bus off"),
-    0x8210: Fault(0x11, 0, Reaction.CONNECTION, "PDO length"),
-    0x8611: Fault(0xA1, 0, Reaction.RAMP, "following error"),
-}
+FAULTS = faults(  # EMCY: bits of 1001h, recalled; bit 7 is a motion error
+    (0x1000, 0x01, OFF, "generic"),
+    (0x2310, 0x03, OFF, "overcurrent"),
+    (0x3210, 0x05, OFF, "overvoltage"),
+    (0x3220, 0x05, OFF, "undervoltage"),
+    (0x4210, 0x09, OFF, "temperature"),
+    (0x5113, 0x05, OFF, "logic supply voltage too low"),
+    (0x6100, 0x21, OFF, "internal software"),
+    (0x6320, 0x21, RAMP, "software parameter"),
+    (0x7320, 0xA1, OFF, "position sensor"),
+    (0x8110, 0x11, CONNECTION, "CAN overrun (objects lost)"),
+    (0x8120, 0x11, CONNECTION, "CAN error passive"),
+    (0x8130, 0x11, CONNECTION, "life guarding or heartbeat"),
+    (0x8150, 0x11, CONNECTION, "transmit COB-ID collision"),
+    (0x81FD, 0x11, CONNECTION, "CAN bus off"),
+    (0x8210, 0x11, CONNECTION, "PDO length"),
+    (0x8611, 0xA1, RAMP, "following error"),
+)
 
 
 def units(dictionary: Dictionary, _pitch: float | None = None) -> Units:

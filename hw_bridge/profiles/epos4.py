@@ -12,11 +12,9 @@ from typing import TYPE_CHECKING
 from hw_bridge.dictionary import (
     BLOCKS_MAXON,
     I8,
-    I16,
     I32,
     METHODS,
     OCTETS,
-    TEXT,
     U8,
     U16,
     U32,
@@ -30,19 +28,22 @@ from hw_bridge.dictionary import (
     var,
 )
 from hw_bridge.profiles.description import (
+    CONNECTION,
     DISABLED_AFTER_QUICK_STOP,
     MILLIAMPERE,
+    OFF,
     QUICK_STOP_WHEN_LOST,
+    RAMP,
     Currents,
-    Fault,
     Profile,
-    Reaction,
     Rules,
     SetupWrite,
     Units,
+    faults,
 )
+from hw_bridge.profiles.maxon import CONSUMERS, DISABLED, ERROR_HISTORY, NO_RTR
 from hw_bridge.profiles.motors import PULSES, RPM
-from hw_bridge.profiles.rows import SDO_SERVER, TOUCH_PROBES, joined, pdo
+from hw_bridge.profiles.rows import adapted, joined, process_data, standard
 
 if TYPE_CHECKING:
     from hw_bridge.dictionary import Dictionary
@@ -60,36 +61,31 @@ GEAR = 0x3000  # of 3000h.2, bits 12 and 13: a gear between sensors, recalled
 MAIN_SENSOR = (0x3000, 5)  # increments of a turn, as newer firmware computes them; not in the EDS of 2021
 
 COMMUNICATION = joined(
-    var(0x1000, "Device type", U32, "const", 0x00020192),
-    var(0x1001, "Error register", U8, "ro"),
-    record(0x1003, "Error history", sub(0, "Number of errors", U8, "rw", 0),
-           *(sub(n, f"Error history {n}", U32, "ro") for n in range(1, 6))),
-    var(0x1005, "COB-ID SYNC", U32, "const", 0x80),
-    var(0x1008, "Manufacturer device name", TEXT, "const", "EPOS4"),
+    adapted(0x1000, 0x00020192),
+    adapted(0x1001, mappable=False),
+    ERROR_HISTORY,
+    adapted(0x1005, access="const"),
+    adapted(0x1008, "EPOS4"),
     record(0x1010, "Store parameters", sub(1, "Save all parameters", U32, "rw", 1)),
-    record(0x1011, "Restore default parameters", sub(1, "Restore all default parameters", U32, "rw", 1),
-           sub(4, "Restore specific default parameters", U32, "rw", 1)),
-    var(0x1014, "COB-ID EMCY", U32, "ro", NodeId(0x80)),
-    record(0x1016, "Consumer heartbeat time", sub(1, "Consumer 1 heartbeat time", U32, "rw"),
-           sub(2, "Consumer 2 heartbeat time", U32, "rw")),
-    var(0x1017, "Producer heartbeat time", U16, "rw"),
-    record(0x1018, "Identity object", sub(1, "Vendor ID", U32, "const", 0xFB),
-           sub(2, "Product code", U32, "const", 0x61500000), sub(3, "Revision number", U32, "const", 0x01700000),
-           sub(4, "Serial number", U32, "const", 1)),
-    record(0x1029, "Error behavior", sub(1, "Communication error", U8, "rw", 0, 0, 2)),
-    SDO_SERVER,
-)  # fmt: skip
+    record(
+        0x1011,
+        "Restore default parameters",
+        sub(1, "Restore all default parameters", U32, "rw", 1),
+        sub(4, "Restore specific default parameters", U32, "rw", 1),
+    ),
+    adapted(0x1014, access="ro"),
+    CONSUMERS,
+    standard(0x1017),
+    adapted(0x1018, (0xFB, 0x61500000, 0x01700000, 1)),
+    standard(0x1029, 0x1200),
+)
 
-NO_RTR, OFF = 0x40000000, 0xC0000000
-PROCESS_DATA = joined(
-    pdo(1, 0x200, (0x60400010,), receive=True, objects=12),
-    pdo(2, 0x300, (0x60400010, 0x60600008), receive=True, objects=12),
-    pdo(3, 0x400, (0x60400010, 0x607A0020), receive=True, objects=12),
-    pdo(4, 0x500, (0x60400010, 0x60FF0020), receive=True, objects=12),
-    pdo(1, 0x180, (0x60410010,), receive=False, objects=12, flags=NO_RTR, inhibit=10),
-    pdo(2, 0x280, (0x60410010, 0x60610008), receive=False, objects=12, flags=OFF, inhibit=10),
-    pdo(3, 0x380, (0x60410010, 0x60640020), receive=False, objects=12, flags=OFF, inhibit=10),
-    pdo(4, 0x480, (0x60410010, 0x606C0020), receive=False, objects=12, flags=OFF, inhibit=10),
+PROCESS_DATA = process_data(
+    12,
+    ((0x60400010,), (0x60400010, 0x60600008), (0x60400010, 0x607A0020), (0x60400010, 0x60FF0020)),
+    ((0x60410010,), (0x60410010, 0x60610008), (0x60410010, 0x60640020), (0x60410010, 0x606C0020)),
+    transmit_flags=(NO_RTR, DISABLED, DISABLED, DISABLED),
+    inhibit=10,
 )
 
 VENDOR = joined(
@@ -178,53 +174,31 @@ TOOLS = joined(
 )  # fmt: skip
 
 APPLICATION = joined(
-    var(0x6007, "Abort connection option code", I16, "rw", 3, 0, 3),
-    var(0x603F, "Error code", U16, "ro", pdo=True),
-    var(0x6040, "Controlword", U16, "rw", pdo=True),
-    var(0x6041, "Statusword", U16, "ro", pdo=True),
-    var(0x605A, "Quick stop option code", I16, "rw", 6, 0, 6),
-    var(0x605B, "Shutdown option code", I16, "rw", 0, 0, 1),
-    var(0x605C, "Disable operation option code", I16, "rw", 1, 0, 1),
-    var(0x605E, "Fault reaction option code", I16, "rw", 2, 0, 2),
-    var(0x6060, "Modes of operation", I8, "rw", 1, pdo=True),
-    var(0x6061, "Modes of operation display", I8, "ro", pdo=True),
-    var(0x6062, "Position demand value", I32, "ro", pdo=True),
-    var(0x6064, "Position actual value", I32, "ro", pdo=True),
-    var(0x6065, "Following error window", U32, "rw", 2000),
-    var(0x6066, "Following error time out", U16, "rw", 0, 0, 0),
-    var(0x6067, "Position window", U32, "rw", 0xFFFFFFFF),
-    var(0x6068, "Position window time", U16, "rw", 0),
-    var(0x606B, "Velocity demand value", I32, "ro", pdo=True),
-    var(0x606C, "Velocity actual value", I32, "ro", pdo=True),
-    var(0x6071, "Target torque", I16, "rw", pdo=True),
+    adapted(0x6007, 3),
+    standard(0x603F, 0x6040, 0x6041),
+    adapted(0x605A, 6),
+    standard(0x605B, 0x605C, 0x605E, 0x6060, 0x6061, 0x6062, 0x6064, 0x6065),
+    adapted(0x6066, 0, 0, 0),
+    standard(0x6067, 0x6068, 0x606B, 0x606C, 0x6071),
     var(0x6076, "Motor rated torque [uNm]", U32, "ro", 0),
-    var(0x6077, "Torque actual value", I16, "ro", pdo=True),
-    var(0x607A, "Target position", I32, "rw", pdo=True),
+    standard(0x6077, 0x607A),
     record(0x607B, "Position range limit", sub(1, "Min position range limit", I32, "rw", 0, 0, 0, pdo=True),
            sub(2, "Max position range limit", I32, "rw", 0, 0, 0, pdo=True)),
-    record(0x607D, "Software position limit", sub(1, "Min position limit", I32, "rw"),
-           sub(2, "Max position limit", I32, "rw")),
-    var(0x607F, "Max profile velocity", U32, "rw", 50000, 1),
-    var(0x6080, "Max motor speed", U32, "rw", 50000, 1),
-    var(0x6081, "Profile velocity", U32, "rw", 1000, 1, pdo=True),  # rpm
-    var(0x6083, "Profile acceleration", U32, "rw", 10000, 1, pdo=True),  # rpm/s
-    var(0x6084, "Profile deceleration", U32, "rw", 10000, 1, pdo=True),
-    var(0x6085, "Quick stop deceleration", U32, "rw", 10000, 1, pdo=True),
-    var(0x6086, "Motion profile type", I16, "rw", 0, 0, 0),
-    var(0x6098, "Homing method", I8, "rw", 7, pdo=True),
-    record(0x6099, "Homing speeds", sub(1, "Speed for switch search", U32, "rw", 100),
-           sub(2, "Speed for zero search", U32, "rw", 10)),
-    var(0x609A, "Homing acceleration", U32, "rw", 1000, 1),
+    standard(0x607D),
+    adapted(0x607F, 50000, 1),
+    adapted(0x6080, 50000, 1),
+    *(adapted(index, low=1) for index in (0x6081, 0x6083, 0x6084, 0x6085)),  # rpm, rpm/s
+    standard(0x6086),
+    adapted(0x6098, mappable=True),
+    standard(0x6099),
+    adapted(0x609A, low=1),
     var(0x60A8, "SI unit position", U32, "const", INCREMENTS),
     var(0x60A9, "SI unit velocity", U32, "rw", TURNS_PER_MINUTE),
     var(0x60AA, "SI unit acceleration", U32, "const", TURNS_PER_MINUTE_AND_SECOND),
-    var(0x60B0, "Position offset", I32, "rw", pdo=True),
-    var(0x60B1, "Velocity offset", I32, "rw", pdo=True),
-    var(0x60B2, "Torque offset", I16, "rw", pdo=True),
-    TOUCH_PROBES,
+    standard(0x60B0, 0x60B1, 0x60B2, *range(0x60B8, 0x60BE)),
     record(0x60C2, "Interpolation time period", sub(1, "Period value", U8, "rw", 0, 0, 100),
            sub(2, "Time index", I8, "rw", -3, -3, -3)),
-    var(0x60C5, "Max acceleration", U32, "rw", 0xFFFFFFFF),  # not used in cyclic modes
+    standard(0x60C5),
     record(0x60E3, "Supported homing methods", *(sub(n, f"Method {n}", I8, "ro", method)
            for n, method in enumerate(sorted(HOMING), 1))),
     record(0x60E4, "Additional position actual values", *(sub(n, f"Position sensor {n}", I32, "ro", pdo=True)
@@ -232,40 +206,38 @@ APPLICATION = joined(
     record(0x60E5, "Additional velocity actual values", *(sub(n, f"Velocity sensor {n}", I32, "ro", pdo=True)
            for n in range(1, 4)), *(sub(8 + n, f"Velocity averaged sensor {n}", I32, "ro", pdo=True)
            for n in range(1, 4))),
-    var(0x60F4, "Following error actual value", I32, "ro", pdo=True),
-    var(0x60FD, "Digital inputs", U32, "ro", pdo=True),
+    standard(0x60F4, 0x60FD),
     record(0x60FE, "Digital outputs", sub(1, "Physical outputs", U32, "rw", 0, pdo=True)),
-    var(0x60FF, "Target velocity", I32, "rw", pdo=True),
-    var(0x6402, "Motor type", U16, "rw", 10),
-    var(0x6502, "Supported drive modes", U32, "const", supported(*MODES)),
+    standard(0x60FF, 0x6402),
+    adapted(0x6502, supported(*MODES)),
 )  # fmt: skip
 
-FAULTS = {  # EMCY: bits of 1001h, where recalled; bit 7 is a motion error
-    0x1000: Fault(0x01, 0, Reaction.OFF, "generic"),
-    0x2310: Fault(0x03, 0, Reaction.OFF, "overcurrent"),
-    0x2320: Fault(0x03, 0, Reaction.OFF, "power stage protection"),
-    0x3210: Fault(0x05, 0, Reaction.OFF, "overvoltage"),
-    0x3220: Fault(0x05, 0, Reaction.RAMP, "undervoltage"),
-    0x4210: Fault(0x09, 0, Reaction.OFF, "thermal overload"),
-    0x4380: Fault(0x09, 0, Reaction.OFF, "thermal motor overload"),
-    0x5113: Fault(0x05, 0, Reaction.OFF, "logic supply voltage too low"),
-    0x6180: Fault(0x01, 0, Reaction.OFF, "internal software"),
-    0x6320: Fault(0x01, 0, Reaction.RAMP, "software parameter"),
-    0x7320: Fault(0x81, 0, Reaction.OFF, "position sensor"),
-    0x7388: Fault(0x81, 0, Reaction.OFF, "Hall sensor"),
-    0x8110: Fault(0x11, 0, Reaction.CONNECTION, "CAN overrun (objects lost)"),
-    0x8120: Fault(0x11, 0, Reaction.CONNECTION, "CAN error passive"),
-    0x8130: Fault(0x11, 0, Reaction.CONNECTION, "heartbeat"),
-    0x8150: Fault(0x11, 0, Reaction.CONNECTION, "PDO COB-ID collision"),
-    0x81FD: Fault(0x11, 0, Reaction.CONNECTION, "CAN bus turned off"),
-    0x8210: Fault(0x11, 0, Reaction.CONNECTION, "PDO length"),
-    0x8250: Fault(0x11, 0, Reaction.RAMP, "RPDO timeout"),
-    0x8611: Fault(0x81, 0, Reaction.RAMP, "following error"),
-    0x8A80: Fault(0x81, 0, Reaction.RAMP, "negative limit switch"),
-    0x8A81: Fault(0x81, 0, Reaction.RAMP, "positive limit switch"),
-    0x8A82: Fault(0x81, 0, Reaction.RAMP, "software position limit"),
-    0x8A88: Fault(0x81, 0, Reaction.OFF, "STO"),
-}
+FAULTS = faults(  # EMCY: bits of 1001h, where recalled; bit 7 is a motion error
+    (0x1000, 0x01, OFF, "generic"),
+    (0x2310, 0x03, OFF, "overcurrent"),
+    (0x2320, 0x03, OFF, "power stage protection"),
+    (0x3210, 0x05, OFF, "overvoltage"),
+    (0x3220, 0x05, RAMP, "undervoltage"),
+    (0x4210, 0x09, OFF, "thermal overload"),
+    (0x4380, 0x09, OFF, "thermal motor overload"),
+    (0x5113, 0x05, OFF, "logic supply voltage too low"),
+    (0x6180, 0x01, OFF, "internal software"),
+    (0x6320, 0x01, RAMP, "software parameter"),
+    (0x7320, 0x81, OFF, "position sensor"),
+    (0x7388, 0x81, OFF, "Hall sensor"),
+    (0x8110, 0x11, CONNECTION, "CAN overrun (objects lost)"),
+    (0x8120, 0x11, CONNECTION, "CAN error passive"),
+    (0x8130, 0x11, CONNECTION, "heartbeat"),
+    (0x8150, 0x11, CONNECTION, "PDO COB-ID collision"),
+    (0x81FD, 0x11, CONNECTION, "CAN bus turned off"),
+    (0x8210, 0x11, CONNECTION, "PDO length"),
+    (0x8250, 0x11, RAMP, "RPDO timeout"),
+    (0x8611, 0x81, RAMP, "following error"),
+    (0x8A80, 0x81, RAMP, "negative limit switch"),
+    (0x8A81, 0x81, RAMP, "positive limit switch"),
+    (0x8A82, 0x81, RAMP, "software position limit"),
+    (0x8A88, 0x81, OFF, "STO"),
+)
 
 
 def units(dictionary: Dictionary, _pitch: float | None = None) -> Units:

@@ -27,7 +27,6 @@ from hw_bridge.dictionary import (
     BLOCKS_FAULHABER,
     I8,
     I16,
-    I32,
     METHODS,
     U8,
     U16,
@@ -39,10 +38,10 @@ from hw_bridge.dictionary import (
     supported,
     var,
 )
-from hw_bridge.profiles.description import RATED, Currents, Fault, Profile, Reaction, Rules, Units
-from hw_bridge.profiles.faulhaber import communication
+from hw_bridge.profiles.description import CONNECTION, OFF, RAMP, RATED, REPORT, Currents, Fault, Profile, Rules, Units
+from hw_bridge.profiles.faulhaber import HOMING_SPEEDS, communication
 from hw_bridge.profiles.motors import MOTORS, PER_PITCH
-from hw_bridge.profiles.rows import TOUCH_PROBES, joined, pdo
+from hw_bridge.profiles.rows import adapted, joined, process_data, standard
 
 if TYPE_CHECKING:
     from hw_bridge.dictionary import Dictionary
@@ -56,15 +55,12 @@ MINUTE = 60  # [s], base of velocities
 COMMUNICATION = communication("MC5005", "0111.02O", (11601, 1), errors=8, groups=(3, 3), hardware="1.0")
 
 # RPDO and TPDO as recalled: the controlword in every RPDO
-PROCESS_DATA = joined(
-    pdo(1, 0x200, (0x60400010,), receive=True, objects=8),
-    pdo(2, 0x300, (0x60400010, 0x607A0020), receive=True, objects=8),
-    pdo(3, 0x400, (0x60400010, 0x60FF0020), receive=True, objects=8),
-    pdo(4, 0x500, (0x60400010, 0x60710010), receive=True, objects=8),
-    pdo(1, 0x180, (0x60410010,), receive=False, objects=8, inhibit=0, event=0),
-    pdo(2, 0x280, (0x60410010, 0x60640020), receive=False, objects=8, inhibit=0, event=0),
-    pdo(3, 0x380, (0x60410010, 0x606C0020), receive=False, objects=8, inhibit=0, event=0),
-    pdo(4, 0x480, (0x60410010, 0x60770010), receive=False, objects=8, inhibit=0, event=0),
+PROCESS_DATA = process_data(
+    8,
+    ((0x60400010,), (0x60400010, 0x607A0020), (0x60400010, 0x60FF0020), (0x60400010, 0x60710010)),
+    ((0x60410010,), (0x60410010, 0x60640020), (0x60410010, 0x606C0020), (0x60410010, 0x60770010)),
+    inhibit=0,
+    event=0,
 )
 
 APPLICATION = joined(
@@ -80,96 +76,80 @@ APPLICATION = joined(
     record(0x2343, "Flux control", sub(1, "Gain", U32, "rw", 1000), sub(2, "Integral time [us]", U16, "rw", 150)),
     record(0x2344, "Velocity control", sub(1, "Gain", U32, "rw", 1000), sub(2, "Integral time [100 us]", U16, "rw", 80),
            sub(3, "Deviation threshold", U16, "rw", 65535), sub(4, "Deviation time [ms]", U16, "rw", 100)),
-    var(0x6007, "Abort connection option code", I16, "rw", 1, 0, 3),  # default recalled
-    var(0x603F, "Error code", U16, "ro", pdo=True),
-    var(0x6040, "Controlword", U16, "rw", pdo=True),
-    var(0x6041, "Statusword", U16, "ro", pdo=True),
-    var(0x605A, "Quick stop option code", I16, "rw", 2, 0, 6),  # defaults of 605A to 605E recalled
-    var(0x605B, "Shutdown option code", I16, "rw", 0, 0, 1),
-    var(0x605C, "Disable operation option code", I16, "rw", 1, 0, 1),
+    adapted(0x6007, 1),  # default recalled
+    standard(0x603F, 0x6040, 0x6041, 0x605A, 0x605B, 0x605C),  # defaults of 605A to 605E recalled
     var(0x605D, "Halt option code", I16, "rw", 1, 1, 2),
-    var(0x605E, "Fault reaction option code", I16, "rw", 2, 0, 2),
-    var(0x6060, "Modes of operation", I8, "rw", 0, -4, 10, pdo=True),
-    var(0x6061, "Modes of operation display", I8, "ro", pdo=True),
-    var(0x6062, "Position demand value", I32, "ro", pdo=True),
-    var(0x6063, "Position actual internal value", I32, "ro", pdo=True),
-    var(0x6064, "Position actual value", I32, "ro", pdo=True),
-    var(0x6065, "Following error window", U32, "rw", 0xFFFFFFFF, pdo=True),  # assumed off
-    var(0x6066, "Following error time out", U16, "rw", 100, pdo=True),
-    var(0x6067, "Position window", U32, "rw", 40, pdo=True),
-    var(0x6068, "Position window time", U16, "rw", 48, pdo=True),
-    var(0x606B, "Velocity demand value", I32, "ro", pdo=True),
-    var(0x606C, "Velocity actual value", I32, "ro", pdo=True),
-    var(0x606D, "Velocity window", U16, "rw", 32, pdo=True),  # 606D to 6070 recalled
-    var(0x606E, "Velocity window time", U16, "rw", 48, pdo=True),
-    var(0x606F, "Velocity threshold", U16, "rw", 16, pdo=True),
-    var(0x6070, "Velocity threshold time", U16, "rw", 48, pdo=True),
-    var(0x6071, "Target torque", I16, "rw", 0, -6000, 6000, pdo=True),
+    standard(0x605E),
+    adapted(0x6060, 0, -4, 10),
+    standard(0x6061, 0x6062, 0x6063, 0x6064),
+    adapted(0x6065, 0xFFFFFFFF, mappable=True),  # assumed off
+    adapted(0x6066, 100, mappable=True),
+    adapted(0x6067, 40, mappable=True),
+    adapted(0x6068, 48, mappable=True),
+    standard(0x606B, 0x606C),
+    adapted(0x606D, 32),  # 606D to 6070 recalled
+    adapted(0x606E, 48),
+    adapted(0x606F, 16),
+    adapted(0x6070, 48),
+    adapted(0x6071, 0, -6000, 6000),
     var(0x6072, "Max torque", U16, "rw", 2000, 0, 6000, pdo=True),
     var(0x6075, "Motor rated current [mA]", U32, "rw", 790),
-    var(0x6077, "Torque actual value", I16, "ro", pdo=True),
-    var(0x6078, "Current actual value [mA]", I16, "ro", pdo=True),
-    var(0x607A, "Target position", I32, "rw", pdo=True),
-    var(0x607C, "Homing offset", I32, "rw"),
-    record(0x607D, "Software position limit", sub(1, "Min position limit", I32, "rw", -FAR, pdo=True),
-           sub(2, "Max position limit", I32, "rw", FAR, pdo=True)),
-    var(0x607E, "Polarity", U8, "rw", 0, 0, 0),  # of position bit 7, of velocity bit 6; not simulated
-    var(0x607F, "Max profile velocity", U32, "rw", 2000, 0, 32767, pdo=True),  # mm/s
-    var(0x6080, "Max motor speed", U32, "rw", 2000, 0, 32767, pdo=True),
-    var(0x6081, "Profile velocity", U32, "rw", 1000, 1, 32767, pdo=True),
-    var(0x6083, "Profile acceleration", U32, "rw", 1000, 1, 32750, pdo=True),  # mm/s2
-    var(0x6084, "Profile deceleration", U32, "rw", 1000, 1, 32750, pdo=True),
-    var(0x6085, "Quick stop deceleration", U32, "rw", 10000, 1, 32750, pdo=True),
-    var(0x6086, "Motion profile type", I16, "rw", 0, 0, 0),  # 1, sin2, is not simulated
+    standard(0x6077, 0x6078, 0x607A, 0x607C),
+    adapted(0x607D, (-FAR, FAR), mappable=True),
+    standard(0x607E),
+    adapted(0x607F, 2000, 0, 32767, mappable=True),  # mm/s
+    adapted(0x6080, 2000, 0, 32767, mappable=True),
+    adapted(0x6081, 1000, 1, 32767),
+    adapted(0x6083, 1000, 1, 32750),  # mm/s2
+    adapted(0x6084, 1000, 1, 32750),
+    adapted(0x6085, 10000, 1, 32750),
+    standard(0x6086),
     record(0x608F, "Position encoder resolution", sub(1, "Encoder increments", U32, "rw", 3000, 1),
            sub(2, "Motor revolutions", U32, "rw", 1, 1)),
     record(0x6091, "Gear ratio", sub(1, "Motor shaft revolutions", U32, "rw", 1, 1),
            sub(2, "Driving shaft revolutions", U32, "rw", 1, 1)),
-    record(0x6092, "Feed constant", sub(1, "Feed", U32, "rw", 24000, 1),  # um for one magnetic pitch
-           sub(2, "Shaft revolutions", U32, "rw", 1, 1)),
+    adapted(0x6092, (24000, 1)),  # um for one magnetic pitch
     record(0x6096, "Velocity factor", sub(1, "Numerator", U32, "rw", 1, 1),  # um/min to mm/s
            sub(2, "Divisor", U32, "rw", 60_000, 1)),
-    var(0x6098, "Homing method", I8, "rw", 37),
-    record(0x6099, "Homing speed", sub(1, "Switch seek velocity", U32, "rw", 40), sub(2, "Zero seek velocity", U32,
-           "rw", 20)),
-    var(0x609A, "Homing acceleration", U32, "rw", 500, 1),
-    var(0x60B0, "Position offset", I32, "rw", pdo=True),
-    var(0x60B1, "Velocity offset", I32, "rw", pdo=True),
-    var(0x60B2, "Torque offset", I16, "rw", pdo=True),
-    TOUCH_PROBES,
+    adapted(0x6098, 37),
+    HOMING_SPEEDS,
+    adapted(0x609A, 500, 1),
+    standard(0x60B0, 0x60B1, 0x60B2, *range(0x60B8, 0x60BE)),
     record(0x60C2, "Interpolation time period", sub(1, "Period value", U8, "rw", 0, 0, 255),
            sub(2, "Time index", I8, "rw", -3, -6, 0)),
     var(0x60E0, "Positive torque limit", U16, "rw", 6000, 0, 6000, pdo=True),
     var(0x60E1, "Negative torque limit", U16, "rw", 6000, 0, 6000, pdo=True),
-    var(0x60F4, "Following error actual value", I32, "ro", pdo=True),
-    var(0x60FD, "Digital inputs", U32, "ro", pdo=True),
+    standard(0x60F4, 0x60FD),
     record(0x60FE, "Digital outputs", sub(1, "Physical outputs", U32, "rw", pdo=True),
            sub(2, "Bit mask", U32, "rw", 0xFFFFFFFF)),
-    var(0x60FF, "Target velocity", I32, "rw", pdo=True),
-    var(0x6402, "Motor type", U16, "rw", 3),
-    var(0x6502, "Supported drive modes", U32, "const", supported(*MODES)),
+    standard(0x60FF),
+    adapted(0x6402, 3),
+    adapted(0x6502, supported(*MODES)),
 )  # fmt: skip
 
-FAULTS = {  # EMCY: bits of 1001h, bits of 2320h
-    0x84F0: Fault(0x20, 0x0001, Reaction.RAMP, "speed deviation"),
-    0x8611: Fault(0x20, 0x0002, Reaction.RAMP, "following error"),
-    0x3210: Fault(0x04, 0x0004, Reaction.OFF, "overvoltage"),
-    0x3220: Fault(0x04, 0x0008, Reaction.OFF, "undervoltage"),
-    0x43F0: Fault(0x08, 0x0010, Reaction.REPORT, "temperature warning"),
-    0x4310: Fault(0x08, 0x0020, Reaction.OFF, "temperature"),
-    0x7300: Fault(0x20, 0x0040, Reaction.OFF, "encoder"),
-    0x5410: Fault(0x01, 0x0080, Reaction.OFF, "output stage"),
-    0x7400: Fault(0x01, 0x0100, Reaction.OFF, "module"),
-    0x7200: Fault(0x02, 0x0200, Reaction.OFF, "current measurement"),
-    0x5530: Fault(0x01, 0x0400, Reaction.REPORT, "EEPROM"),
-    0x8110: Fault(0x10, 0x0800, Reaction.REPORT, "CAN overrun"),
-    0x8130: Fault(0x10, 0x0800, Reaction.CONNECTION, "node guarding or heartbeat"),
-    0x8140: Fault(0x10, 0x0800, Reaction.REPORT, "recovered from bus-off"),
-    0x8210: Fault(0x10, 0x0800, Reaction.REPORT, "PDO too short"),
-    0x8220: Fault(0x10, 0x0800, Reaction.REPORT, "PDO too long"),
-    0x8310: Fault(0x10, 0x0800, Reaction.REPORT, "RS232 overrun"),
-    0x6100: Fault(0x01, 0x1000, Reaction.OFF, "software"),
-    0x84FF: Fault(0x20, 0x2000, Reaction.RAMP, "speed too high"),
+FAULTS = {
+    code: Fault(register, bits, reaction, meaning)
+    for code, register, bits, reaction, meaning in (  # EMCY, bits of 1001h, bits of 2320h
+        (0x84F0, 0x20, 0x0001, RAMP, "speed deviation"),
+        (0x8611, 0x20, 0x0002, RAMP, "following error"),
+        (0x3210, 0x04, 0x0004, OFF, "overvoltage"),
+        (0x3220, 0x04, 0x0008, OFF, "undervoltage"),
+        (0x43F0, 0x08, 0x0010, REPORT, "temperature warning"),
+        (0x4310, 0x08, 0x0020, OFF, "temperature"),
+        (0x7300, 0x20, 0x0040, OFF, "encoder"),
+        (0x5410, 0x01, 0x0080, OFF, "output stage"),
+        (0x7400, 0x01, 0x0100, OFF, "module"),
+        (0x7200, 0x02, 0x0200, OFF, "current measurement"),
+        (0x5530, 0x01, 0x0400, REPORT, "EEPROM"),
+        (0x8110, 0x10, 0x0800, REPORT, "CAN overrun"),
+        (0x8130, 0x10, 0x0800, CONNECTION, "node guarding or heartbeat"),
+        (0x8140, 0x10, 0x0800, REPORT, "recovered from bus-off"),
+        (0x8210, 0x10, 0x0800, REPORT, "PDO too short"),
+        (0x8220, 0x10, 0x0800, REPORT, "PDO too long"),
+        (0x8310, 0x10, 0x0800, REPORT, "RS232 overrun"),
+        (0x6100, 0x01, 0x1000, OFF, "software"),
+        (0x84FF, 0x20, 0x2000, RAMP, "speed too high"),
+    )
 }
 
 

@@ -9,8 +9,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import (
-    I8,
-    I16,
     I32,
     METHODS,
     U8,
@@ -23,10 +21,10 @@ from hw_bridge.dictionary import (
     supported,
     var,
 )
-from hw_bridge.profiles.description import MILLIAMPERE, Currents, Fault, Profile, Reaction, Rules, SetupWrite, Units
-from hw_bridge.profiles.faulhaber import communication
+from hw_bridge.profiles.description import MILLIAMPERE, RAMP, Currents, Fault, Profile, Rules, SetupWrite, Units
+from hw_bridge.profiles.faulhaber import HOMING_SPEEDS, communication
 from hw_bridge.profiles.motors import PER_PITCH
-from hw_bridge.profiles.rows import joined, pdo
+from hw_bridge.profiles.rows import adapted, joined, process_data, standard
 
 if TYPE_CHECKING:
     from hw_bridge.dictionary import Dictionary
@@ -35,15 +33,11 @@ MODES = (Mode.PP, Mode.PV, Mode.HM)
 
 COMMUNICATION = communication("MCLM300x", "3150.69C", (3150, 3), errors=2, groups=(9, 6))
 
-PROCESS_DATA = joined(
-    pdo(1, 0x200, (0x60400010,), receive=True, objects=4),
-    pdo(2, 0x300, (0x60400010, 0x607A0020), receive=True, objects=4),
-    pdo(3, 0x400, (0x60400010, 0x60FF0020), receive=True, objects=4),
-    pdo(4, 0x500, (0x60400010, 0x257A0020), receive=True, objects=4),
-    pdo(1, 0x180, (0x60410010,), receive=False, objects=4, event=0),
-    pdo(2, 0x280, (0x60410010, 0x60640020), receive=False, objects=4, event=0),
-    pdo(3, 0x380, (0x60410010, 0x606C0020), receive=False, objects=4, event=0),
-    pdo(4, 0x480, (0x60640020, 0x606C0020), receive=False, objects=4, event=0),
+PROCESS_DATA = process_data(
+    4,
+    ((0x60400010,), (0x60400010, 0x607A0020), (0x60400010, 0x60FF0020), (0x60400010, 0x257A0020)),
+    ((0x60410010,), (0x60410010, 0x60640020), (0x60410010, 0x606C0020), (0x60640020, 0x606C0020)),
+    event=0,
 )
 
 VENDOR = joined(
@@ -71,63 +65,55 @@ VENDOR = joined(
 )  # fmt: skip
 
 APPLICATION = joined(
-    var(0x6040, "Controlword", U16, "rw", pdo=True),
-    var(0x6041, "Statusword", U16, "ro", pdo=True),
-    var(0x6060, "Modes of operation", I8, "rw", 1, -9, 8, pdo=True),
-    var(0x6061, "Modes of operation display", I8, "ro", pdo=True),
-    var(0x6062, "Position demand value", I32, "ro", pdo=True),
-    var(0x6063, "Position actual internal value", I32, "ro", pdo=True),
-    var(0x6064, "Position actual value", I32, "ro", pdo=True),
-    var(0x6067, "Position window", U32, "rw", 120, pdo=True),
-    var(0x6068, "Position window time", U16, "rw", 200, pdo=True),
-    var(0x606B, "Velocity demand value", I32, "ro", pdo=True),
-    var(0x606C, "Velocity actual value", I32, "ro", pdo=True),
-    var(0x606D, "Velocity window", U16, "rw", 20, pdo=True),
-    var(0x606E, "Velocity window time", U16, "rw", 200, pdo=True),
-    var(0x606F, "Velocity threshold", U16, "rw", 20, pdo=True),
-    var(0x6070, "Velocity threshold time", U16, "rw", 200, pdo=True),
-    var(0x6078, "Current actual value [mA]", I16, "ro", pdo=True),
-    var(0x607A, "Target position", I32, "rw", pdo=True),
+    standard(0x6040, 0x6041),
+    adapted(0x6060, 1, -9, 8),
+    standard(0x6061, 0x6062, 0x6063, 0x6064),
+    adapted(0x6067, 120, mappable=True),
+    adapted(0x6068, 200, mappable=True),
+    standard(0x606B, 0x606C),
+    adapted(0x606D, 20),
+    adapted(0x606E, 200),
+    adapted(0x606F, 20),
+    adapted(0x6070, 200),
+    standard(0x6078, 0x607A),
     record(0x607B, "Position range limit", sub(1, "Min", I32, "ro", -18_000_000), sub(2, "Max", I32, "ro", 18_000_000)),
-    var(0x607C, "Homing offset", I32, "rw"),
-    record(0x607D, "Software position limit", sub(1, "Min position limit", I32, "rw", -9996),
-           sub(2, "Max position limit", I32, "rw", 9996)),
-    var(0x607E, "Polarity", U8, "rw", 0, 0, 0),  # of position bit 7, of velocity bit 6; not simulated
-    var(0x607F, "Max profile velocity", U32, "rw", 30000, 0, 30000),  # mm/s; default assumed
-    var(0x6081, "Profile velocity", U32, "rw", 1000, 0, 30000, pdo=True),  # default assumed
-    var(0x6083, "Profile acceleration", U32, "rw", 30000, 0, 32000, pdo=True),  # mm/s2
-    var(0x6084, "Profile deceleration", U32, "rw", 30000, 0, 32000, pdo=True),
-    var(0x6085, "Quick stop deceleration", U32, "rw", 30000, 0, 32000, pdo=True),
+    standard(0x607C),
+    adapted(0x607D, (-9996, 9996)),
+    standard(0x607E),
+    adapted(0x607F, 30000, 0, 30000),  # mm/s; default assumed
+    adapted(0x6081, 1000, 0, 30000),  # default assumed
+    *(adapted(index, 30000, 0, 32000) for index in (0x6083, 0x6084, 0x6085)),  # mm/s2
     record(0x608F, "Position encoder resolution", sub(1, "Encoder increments", U32, "ro", PER_PITCH),
            sub(2, "Pitch [mm]", U32, "ro", 18)),
     record(0x6091, "Gear ratio", sub(1, "Motor revolutions", U32, "ro", 1), sub(2, "Shaft revolutions", U32, "ro", 1)),
-    record(0x6092, "Feed constant", sub(1, "Feed", U32, "rw", 1000, 1), sub(2, "Shaft revolutions", U32, "rw", 1, 1)),
+    adapted(0x6092, (1000, 1)),
     record(0x6093, "Position factor", sub(1, "Numerator", U32, "ro", PER_PITCH),
            sub(2, "Feed constant", U32, "ro", 18000)),
-    var(0x6098, "Homing method", I8, "rw", 20, 0, 36),
-    record(0x6099, "Homing speed", sub(1, "Switch seek velocity", U32, "rw", 40), sub(2, "Zero seek velocity", U32,
-           "rw", 20)),
-    var(0x609A, "Homing acceleration", U32, "rw", 50, 1),
-    var(0x60FD, "Digital inputs", U32, "ro", pdo=True),
-    var(0x60FF, "Target velocity", I32, "rw", pdo=True),
-    var(0x6502, "Supported drive modes", U32, "const", supported(*MODES)),
+    adapted(0x6098, 20, 0, 36),
+    HOMING_SPEEDS,
+    adapted(0x609A, 50, 1),
+    standard(0x60FD, 0x60FF),
+    adapted(0x6502, supported(*MODES)),
 )  # fmt: skip
 
-FAULTS = {  # EMCY: bits of 1001h, bits of 2320h; reactions act only where the fault mask 2321h.2 has the bit
-    0x2310: Fault(0x02, 0x0001, Reaction.RAMP, "continuous overcurrent"),
-    0x8400: Fault(0x20, 0x0002, Reaction.RAMP, "speed deviation"),
-    0x8611: Fault(0x20, 0x0002, Reaction.RAMP, "following error"),
-    0x3210: Fault(0x04, 0x0004, Reaction.RAMP, "overvoltage"),
-    0x4310: Fault(0x08, 0x0008, Reaction.RAMP, "temperature"),
-    0x5530: Fault(0x01, 0x0010, Reaction.RAMP, "flash memory"),
-    0x8120: Fault(0x10, 0x0040, Reaction.RAMP, "CAN error passive"),
-    0x8110: Fault(0x10, 0x0080, Reaction.RAMP, "CAN overrun"),
-    0x8130: Fault(0x10, 0x0100, Reaction.RAMP, "life guard or heartbeat"),
-    0x8140: Fault(0x10, 0x0200, Reaction.RAMP, "recovered from bus-off"),
-    0xFF01: Fault(0x01, 0x0800, Reaction.RAMP, "conversion overflow"),
-    0x6100: Fault(0x01, 0x1000, Reaction.RAMP, "software"),
-    0x8220: Fault(0x10, 0x2000, Reaction.RAMP, "PDO too long"),
-    0x8210: Fault(0x10, 0x4000, Reaction.RAMP, "PDO too short"),
+FAULTS = {  # reactions act only where the fault mask 2321h.2 has the bit
+    code: Fault(register, bits, RAMP, meaning)
+    for code, register, bits, meaning in (  # EMCY, bits of 1001h, bits of 2320h
+        (0x2310, 0x02, 0x0001, "continuous overcurrent"),
+        (0x8400, 0x20, 0x0002, "speed deviation"),
+        (0x8611, 0x20, 0x0002, "following error"),
+        (0x3210, 0x04, 0x0004, "overvoltage"),
+        (0x4310, 0x08, 0x0008, "temperature"),
+        (0x5530, 0x01, 0x0010, "flash memory"),
+        (0x8120, 0x10, 0x0040, "CAN error passive"),
+        (0x8110, 0x10, 0x0080, "CAN overrun"),
+        (0x8130, 0x10, 0x0100, "life guard or heartbeat"),
+        (0x8140, 0x10, 0x0200, "recovered from bus-off"),
+        (0xFF01, 0x01, 0x0800, "conversion overflow"),
+        (0x6100, 0x01, 0x1000, "software"),
+        (0x8220, 0x10, 0x2000, "PDO too long"),
+        (0x8210, 0x10, 0x4000, "PDO too short"),
+    )
 }
 
 

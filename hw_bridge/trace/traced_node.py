@@ -142,7 +142,7 @@ class TracedNode:
 
     def entry(self, index: int, sub: int) -> Entry | None:
         """The entry at this address, if any."""
-        return self.dictionary.objects.get(index, {}).get(sub)
+        return self.dictionary.find(index, sub)
 
     def title(self, index: int, sub: int) -> str:
         """Index, subindex and name of an object."""

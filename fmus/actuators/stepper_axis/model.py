@@ -3,14 +3,15 @@
 from math import ceil, floor, pi, sin, sqrt
 
 from fmus.injection import wander
-from twin.component import Boolean, Component, Int64, input, local, normal, output, parameter, seed_stream, terminal
+from fmus.noisy import Noisy, noise_seed
+from twin.component import Boolean, Int64, input, local, normal, output, parameter, seed_stream, terminal
 
 SUBSTEP = 50e-6  # longest step of the rotor's motion [s]; it swings at about 300 Hz
 FULL_STEPS = 200  # per revolution
 PERIOD = 4  # full steps in one period of the torque
 
 
-class StepperAxis(Component):
+class StepperAxis(Noisy):
     """NEMA 17 stepper with TB6600 driver and pulse generator on a leadscrew slide; moves to `target_steps` autonomously.
 
     Cheng and Law (paper B), calibration of stepper motors. A step is a pulse, 1/1600 of a revolution. The rotor is held
@@ -62,8 +63,7 @@ class StepperAxis(Component):
                          source="estimate: ball bearings and a spring-loaded nut")
     efficiency = parameter(0.4, "", "of the leadscrew", minimum=0.05, maximum=1.0,
                            source="estimate: steel on plastic, 8 mm lead")
-    seed = parameter(12, "", "seed of lead and deviation; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")
+    seed = noise_seed(12, "lead and deviation")
 
     pulse_rate = local(0.0, "Hz", "pulses per second, with the direction's sign")
     pulse_part = local(0.0, "", "part of the next pulse that is over")
@@ -75,7 +75,6 @@ class StepperAxis(Component):
     deviation = local(
         0.0, "", "position less what the lead gives, in standard deviations: last, behind a lag", shape=(2,)
     )
-    stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)

@@ -3,7 +3,8 @@
 from math import floor
 
 from fmus.injection import MILLIMETER
-from twin.component import Boolean, Component, Int32, Int64, input, local, output, parameter, seed_stream, uniform
+from fmus.noisy import Noisy
+from twin.component import Boolean, Int32, Int64, input, local, output, parameter, seed_stream, uniform
 
 STEPPERS, LINEAR, DEFLECTION, COUPLING, NEEDLE = 0, 1, 2, 3, 4
 SPEEDS = 10
@@ -13,7 +14,7 @@ SLIDES = 18  # needle's slide, 3 to 11.5 mm by 0.5
 NEEDLE_PULLS = 5  # 0 to 8 mm by 2
 
 
-class CalibrationProgram(Component):
+class CalibrationProgram(Noisy):
     """Sends the slides through an experiment of the calibration, one move after the other, with a rest for a reading.
 
     Cheng and Law (paper B): 0 one revolution both ways at 10 speeds, Fig. 5; 1 random moves of the handle at 5 speeds,
@@ -51,7 +52,6 @@ class CalibrationProgram(Component):
     seed = parameter(15, "", "seed of the linear moves", type=Int64, fixed=True, source="arbitrary")
 
     rested = local(0.0, "s", "time since the last slide came to rest")
-    stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)

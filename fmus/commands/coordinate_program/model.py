@@ -2,13 +2,14 @@
 
 from math import floor
 
-from twin.component import Component, Int32, Int64, local, output, parameter, seed_stream, terminal, uniform
+from fmus.noisy import Noisy
+from twin.component import Int32, Int64, local, output, parameter, seed_stream, terminal, uniform
 
 RANDOM, NEEDLE_TABLE = 0, 1
 PULLS, LENGTHS = 5, 3
 
 
-class CoordinateProgram(Component):
+class CoordinateProgram(Noisy):
     """Coordinates one after another, each held for `dwell`: random over a rectangle, or the needle table's 15 cases.
 
     Cheng and Law (paper B) tested 26 coordinates, which are not printed, and Table 2. In random order the needle is
@@ -43,7 +44,6 @@ class CoordinateProgram(Component):
                         source="chosen: 15 mm of advance at the largest pull, where eq. (6) is nearly zero")
     seed = parameter(14, "", "seed of the coordinates", type=Int64, fixed=True, source="arbitrary")
 
-    stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
     length = local(0.0, "m", "needle length of this coordinate", display_unit="mm")
 
     def initialize(self) -> None:

@@ -2,10 +2,11 @@
 
 from math import cos, floor, pi, sin, sqrt
 
-from twin.component import Component, Int64, local, output, parameter, seed_stream, terminal, uniform
+from fmus.noisy import Noisy
+from twin.component import Int64, output, parameter, seed_stream, terminal, uniform
 
 
-class OmnidirectionalProgram(Component):
+class OmnidirectionalProgram(Noisy):
     """Random coordinates one after another, uniform over a cylinder, each held for `dwell`.
 
     After the 26 coordinates of Cheng and Law (paper B), which lay in one plane.
@@ -26,8 +27,6 @@ class OmnidirectionalProgram(Component):
     z_maximum = parameter(13.5e-3, "m", "length of the cylinder, from z = 0", display_unit="mm", minimum=0.0,
                           source="chosen: at the largest deflection it takes 20 mm of advance, as far as was measured")
     seed = parameter(17, "", "seed of the coordinates", type=Int64, fixed=True, source="arbitrary")
-
-    stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)

@@ -11,14 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil, log
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from fmus.bouc_wen import MILLIMETER
 from scipy.optimize import least_squares
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
 
     from numpy.typing import NDArray
 
@@ -146,25 +146,13 @@ def unseparated(fit: Fit) -> list[str]:
 def identify(x_in: NDArray[np.float64], x_out: NDArray[np.float64]) -> Fit:
     """Fit the constants and an offset of the tip's frame to samples [m] that begin with the instrument relaxed."""
     gripper, tip = x_in / MILLIMETER, x_out / MILLIMETER
-    cache: dict[bytes, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
 
     def model(p: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        if p.tobytes() not in cache:
-            cache.clear()
-            h, slopes = hysteresis(Constants(*p[:5]), gripper)
-            jacobian = np.column_stack((gripper, -slopes, np.ones_like(gripper)))
-            cache[p.tobytes()] = (p[0] * gripper - h + p[5] - tip, jacobian)
-        return cache[p.tobytes()]
+        h, slopes = hysteresis(Constants(*p[:5]), gripper)
+        jacobian = np.column_stack((gripper, -slopes, np.ones_like(gripper)))
+        return p[0] * gripper - h + p[5] - tip, jacobian
 
-    starts = [np.array((*start, 0.0)) for start in STARTS]
-    for start in starts:
-        start[5] = np.clip(-np.mean(model(start)[0]), LOWER[5], UPPER[5])
-    starts.sort(key=lambda start: float(np.sum(model(start)[0] ** 2)))
-    solutions = [
-        least_squares(lambda p: model(p)[0], start, lambda p: model(p)[1], (LOWER, UPPER), x_scale=SCALE, max_nfev=100)
-        for start in starts[:2]
-    ]
-    best = min(solutions, key=lambda solution: float(solution.cost))
+    best = search(model, (0.0,), LOWER, UPPER, SCALE)
     freedom = max(tip.size - best.x.size, 1)
 
     # pseudo-inverse, since constants of a start that never saturates cannot be told apart
@@ -173,6 +161,38 @@ def identify(x_in: NDArray[np.float64], x_out: NDArray[np.float64]) -> Fit:
     return Fit(
         Constants(*map(float, best.x[:5])), covariance[:5, :5], MILLIMETER * float(best.x[5]), MILLIMETER * residual
     )
+
+
+def search(
+    model: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]],
+    more: tuple[float, ...],
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+    scale: NDArray[np.float64],
+) -> Any:
+    """Least squares from the two best of `STARTS`, each with `more` values, the first of them the offset.
+
+    `model`: residuals [mm] and their derivatives at constants.
+    """
+    cache: dict[bytes, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
+
+    def evaluated(p: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        if p.tobytes() not in cache:
+            cache.clear()
+            cache[p.tobytes()] = model(p)
+        return cache[p.tobytes()]
+
+    starts = [np.array((*start, *more)) for start in STARTS]
+    for start in starts:
+        start[5] = np.clip(-np.mean(evaluated(start)[0]), lower[5], upper[5])
+    starts.sort(key=lambda start: float(np.sum(evaluated(start)[0] ** 2)))
+    solutions = [
+        least_squares(
+            lambda p: evaluated(p)[0], start, lambda p: evaluated(p)[1], (lower, upper), x_scale=scale, max_nfev=100
+        )
+        for start in starts[:2]
+    ]
+    return min(solutions, key=lambda solution: float(solution.cost))
 
 
 def analysis(x_in: NDArray[np.float64], x_out: NDArray[np.float64]) -> dict[str, float | NDArray[np.float64]]:

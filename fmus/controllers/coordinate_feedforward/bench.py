@@ -35,6 +35,11 @@ def spread(values: Values, at: Values, count: int) -> Values:
     return column
 
 
+def lengths(values: Values, at: Values, count: int) -> Values:
+    """The signal [m] of lengths [mm]."""
+    return spread(MILLIMETER * values, at, count)
+
+
 def outputs(**units: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Declare the outputs of an analysis."""
 
@@ -79,7 +84,7 @@ def steppers(number: Values, steps: Values, rate: Values, z: Values) -> dict[str
         "speed_maximum": float(actual[rate[at] == rate[at].max()].mean()),
         "programmed": spread(rate[at], at, len(number)),
         "actual": spread(actual, at, len(number)),
-        "distance": spread(MILLIMETER * np.abs(distance), at, len(number)),
+        "distance": lengths(np.abs(distance), at, len(number)),
     }
 
 
@@ -128,13 +133,13 @@ def linear(number: Values, steps: Values, rate: Values, z: Values) -> dict[str, 
         "r2_same": same.r_squared,
         "residual_reversal": MILLIMETER * change.residual,
         "residual_same": MILLIMETER * same.residual,
-        "way": spread(MILLIMETER * distance, at, count),
+        "way": lengths(distance, at, count),
         "reversal": spread(-MILLIMETER * difference[change.used], at[change.used], count),
-        "reversal_fit": spread(MILLIMETER * change.predicted, at[change.used], count),
-        "same": spread(MILLIMETER * difference[same.used], at[same.used], count),
-        "same_fit": spread(MILLIMETER * same.predicted, at[same.used], count),
+        "reversal_fit": lengths(change.predicted, at[change.used], count),
+        "same": lengths(difference[same.used], at[same.used], count),
+        "same_fit": lengths(same.predicted, at[same.used], count),
         "rate": spread(rate[at], at, count),
-        "difference": spread(MILLIMETER * difference, at, count),
+        "difference": lengths(difference, at, count),
     }
 
 
@@ -181,11 +186,11 @@ def deflection(number: Values, steps: Values, y: Values, z: Values) -> dict[str,
         "dead_band": MILLIMETER * fits["dead_band"].coefficients[0],
         "distance_y": MILLIMETER * distances[0],
         "distance_z": MILLIMETER * distances[1],
-        "pull": spread(MILLIMETER * table["pull_mm"], at, count),
+        "pull": lengths(table["pull_mm"], at, count),
         "y": spread(y[at] - y[at][rest].mean(), at, count),
         "z": spread(z[at][rest].mean() - z[at], at, count),
-        "y_fit": spread(MILLIMETER * bend_y.predicted, at[bend_y.used], count),
-        "z_fit": spread(MILLIMETER * bend_z.predicted, at[bend_z.used], count),
+        "y_fit": lengths(bend_y.predicted, at[bend_y.used], count),
+        "z_fit": lengths(bend_z.predicted, at[bend_z.used], count),
     }
 
 
@@ -219,7 +224,7 @@ def coupling(number: Values, wire: Values, handle: Values, y: Values, z: Values)
     advance = np.clip(table["z_mm"] + calibrate.polynomial(injection.BEND_Z, pull), 0.0, injection.COUPLING_TRAVEL)
     shift = table["y_mm"] - calibrate.polynomial(injection.BEND_Y, pull)
     count = len(number)
-    result: dict[str, Any] = {"advance": spread(MILLIMETER * advance, at, count)}
+    result: dict[str, Any] = {"advance": lengths(advance, at, count)}
     for name, degree, paper in (("compression", 5, injection.COMPRESSION), ("tension", 3, injection.TENSION)):
         fit = fits[name]
         terms = calibrate.two_variables(degree, pull[fit.used], advance[fit.used])
@@ -228,8 +233,8 @@ def coupling(number: Values, wire: Values, handle: Values, y: Values, z: Values)
             f"r2_{name}": fit.r_squared,
             f"residual_{name}": MILLIMETER * fit.residual,
             f"distance_{name}": MILLIMETER * float(np.sqrt(np.mean(difference**2))),
-            name: spread(MILLIMETER * shift[fit.used], at[fit.used], count),
-            f"{name}_fit": spread(MILLIMETER * fit.predicted, at[fit.used], count),
+            name: lengths(shift[fit.used], at[fit.used], count),
+            f"{name}_fit": lengths(fit.predicted, at[fit.used], count),
         }
     return result
 
@@ -278,13 +283,13 @@ def needle(number: Values, wire: Values, steps: Values, length: Values) -> dict[
         "residual_per_pull": MILLIMETER * per_pull.residual,
         "residual_retraction": MILLIMETER * back.residual,
         "distance_retraction": MILLIMETER * float(np.sqrt(np.mean(difference**2))),
-        "slide": spread(MILLIMETER * slide_position, at, count),
-        "pull": spread(MILLIMETER * pull, at, count),
-        "forward": spread(MILLIMETER * out[forward.used], at[forward.used], count),
-        "forward_fit": spread(MILLIMETER * forward.predicted, at[forward.used], count),
-        "added": spread(MILLIMETER * (out - line)[per_pull.used], at[per_pull.used], count),
-        "added_fit": spread(MILLIMETER * per_pull.predicted, at[per_pull.used], count),
-        "decrease": spread(MILLIMETER * shorter[back.used], at[back.used], count),
-        "back": spread(MILLIMETER * slide_position[back.used], at[back.used], count),
-        "back_fit": spread(MILLIMETER * back.predicted, at[back.used], count),
+        "slide": lengths(slide_position, at, count),
+        "pull": lengths(pull, at, count),
+        "forward": lengths(out[forward.used], at[forward.used], count),
+        "forward_fit": lengths(forward.predicted, at[forward.used], count),
+        "added": lengths((out - line)[per_pull.used], at[per_pull.used], count),
+        "added_fit": lengths(per_pull.predicted, at[per_pull.used], count),
+        "decrease": lengths(shorter[back.used], at[back.used], count),
+        "back": lengths(slide_position[back.used], at[back.used], count),
+        "back_fit": lengths(back.predicted, at[back.used], count),
     }

@@ -1,24 +1,9 @@
 """Feedforward controller of the injection catheter."""
 
-from math import floor
+from fmus.injection_feedforward import InjectionFeedforward, extend_needle, publish_slides, steps
 
-from fmus.injection import (
-    BEND_Y,
-    BEND_Z,
-    COMPRESSION,
-    DEAD_BAND,
-    MILLIMETER,
-    NEEDLE,
-    RETRACTION,
-    REVERSAL_OFFSET,
-    SLOPE,
-    TENSION,
-    bend,
-    coupling,
-    needle_after,
-    retraction,
-)
-from twin.component import Boolean, Component, Int32, Int64, input, local, output, parameter, terminal
+from fmus.injection import MILLIMETER, bend, coupling, needle_after
+from twin.component import Boolean, Int32, Int64, input, local, output, parameter, terminal
 
 UNMODIFIED, CALIBRATED = 0, 1
 ACCEPTED, Y_OUTSIDE, Z_OUTSIDE, NEEDLE_OUTSIDE, NOT_REACHABLE, NO_MODE = 0, 1, 2, 3, 4, 5
@@ -27,15 +12,13 @@ REACTION = 3  # periods until a slide that was sent away says that it moves
 NEAR = 1e-6  # advance [mm] against the last direction up to which the handle stays
 
 
-class CoordinateFeedforward(Component):
+class CoordinateFeedforward(InjectionFeedforward):
     """From (y, z, needle length) to positions and step counts of pull wire, handle and needle, without feedback.
 
     Cheng and Law (paper B), calibration method: the inverse of eqs. (1) to (9) with a memory of directions. A target
     that is refused moves nothing; `refusal` says why. The needle moves when the tip rests. Bisection with a fixed
     number of steps, no heap.
     """
-
-    period = 10e-3
 
     target_y = input("m", "wanted tip position across", display_unit="mm", minimum=0.0, maximum=15e-3, nominal=10e-3)
     target_z = input("m", "wanted tip position along", display_unit="mm", minimum=0.0, maximum=20e-3, nominal=10e-3)
@@ -63,39 +46,14 @@ class CoordinateFeedforward(Component):
     release = parameter(False, "", "the wire is released before every pull, so that friction holds it from one side",
                         type=Boolean, fixed=True, source="chosen: the paper does not say")
     y_maximum = parameter(15e-3, "m", "workspace across", display_unit="mm", source="paper, calibration method")
-    z_maximum = parameter(20e-3, "m", "workspace along", display_unit="mm", source="paper, calibration method")
-    needle_maximum = parameter(6e-3, "m", "longest needle", display_unit="mm",
-                               source="estimate: Table 2 goes to 5 mm")
-    lead = parameter(7.7e-3, "m", "travel per revolution", display_unit="mm", minimum=1e-6, source="paper, eq. (1)")
-    steps_per_revolution = parameter(1600.0, "", "steps per revolution", minimum=1.0, source="paper, eq. (1)")
-    slope = parameter(SLOPE, "", "tip travel per handle travel, less one", source="paper, eqs. (2), (3)")
-    reversal_offset = parameter(REVERSAL_OFFSET, "", "travel [mm] that a reversal costs", minimum=0.0,
-                                source="paper, eq. (2)")
-    bend_y = parameter(BEND_Y, "", "eq. (4): coefficients of a^0 to a^3 in mm", source="paper, eq. (4)")
-    bend_z = parameter(BEND_Z, "", "eq. (5): coefficients of a^0 to a^3 in mm", source="paper, eq. (5)")
-    dead_band = parameter(DEAD_BAND, "", "pull [mm] that takes up the wire's slack", minimum=0.0,
-                          source="paper, eq. (4)")
-    pull_maximum = parameter(9.0, "", "longest pull [mm]", minimum=0.0, source="paper, eq. (4)")
-    compression = parameter(COMPRESSION, "", "eq. (6) compressed, in mm", source="paper, Table 1")
-    tension = parameter(TENSION, "", "eq. (6) in tension, in mm",
-                        source="paper, Table 1; terms in the order of poly33, two printed features are wrong")
-    needle = parameter(NEEDLE, "", "eqs. (7), (8): length per actuator, offset [mm], length per pull",
-                       source="paper, eqs. (7), (8)")
-    needle_back = parameter(RETRACTION, "", "eq. (9), in mm", source="paper, eq. (9)")
-    needle_turn = parameter(11.5, "", "actuator position [mm] from which eq. (9) retracts",
-                            source="not printed: see pull_wire_catheter")
 
     last_y = local(0.0, "m", "target of the last sample", display_unit="mm")
     last_z = local(0.0, "m", "target of the last sample", display_unit="mm")
     last_needle = local(0.0, "m", "target of the last sample", display_unit="mm")
-    pull = local(0.0, "", "pull [mm]")
-    handle = local(0.0, "", "handle's slide [mm]")
-    needle_slide = local(0.0, "", "needle's slide [mm]")
     tip_advance = local(0.0, "", "advance of the tip [mm] without deflection")
     tension_share = local(0.0, "", "last direction: 0 pushed, 1 pulled")
     releasing = local(0, "", "periods before the wire may pull; 0: it may", type=Int64)
     waiting = local(0, "", "periods before the needle may move; 0: it has", type=Int64)
-    needle_set = local(0.0, "", "length [mm] that the needle's slide has set")
 
     def initialize(self) -> None:
         # the bench begins straight, pushed in, with the needle just inside
@@ -227,26 +185,15 @@ def pull_for(self: CoordinateFeedforward, y: float, z: float, share: float) -> f
 
 def move_needle(self: CoordinateFeedforward) -> None:
     """Slide for the wanted length, when the tip is at rest; the play is crossed only where it must be."""
-    length = self.last_needle / MILLIMETER
     if self.mode == UNMODIFIED:
-        self.needle_slide = (length - self.needle[1]) / self.needle[0]
-        return
-    wanted = length - self.needle[2] * self.pull
-    if wanted >= self.needle_set:
-        self.needle_slide = max((wanted - self.needle[1]) / self.needle[0], self.needle_slide)
+        self.needle_slide = (self.last_needle / MILLIMETER - self.needle[1]) / self.needle[0]
     else:
-        shorter = self.needle[0] * self.needle_turn + self.needle[1] - wanted
-        self.needle_slide = min(retraction(self.needle_back, shorter, self.pull), self.needle_slide)
-    self.needle_set = wanted
+        extend_needle(self, self.last_needle, self.pull)
 
 
 def publish(self: CoordinateFeedforward) -> None:
     """Outputs from the memory."""
-    steps = self.steps_per_revolution / (self.lead / MILLIMETER)
-    self.handle_position = MILLIMETER * self.handle
+    publish_slides(self)
     pull = 0.0 if self.releasing > 0 else self.pull
     self.wire_position = MILLIMETER * pull
-    self.needle_position = MILLIMETER * self.needle_slide
-    self.handle_steps = floor(self.handle * steps + 0.5)
-    self.wire_steps = floor(pull * steps + 0.5)
-    self.needle_steps = floor(self.needle_slide * steps + 0.5)
+    self.wire_steps = steps(self, pull)

@@ -19,6 +19,13 @@ def ends(number: Values) -> NDArray[np.int64]:
     return last[number[last] > 0]
 
 
+def visited(values: Values, at: NDArray[np.int64]) -> Values:
+    """A signal at these samples, not a number elsewhere."""
+    signal = np.full(len(values), np.nan)
+    signal[at] = values[at]
+    return signal
+
+
 def tests(error: Values, target: Values, measured: Values) -> dict[str, float]:
     """RMS and mean of errors, and p values: variance ratio of measured and target (F), mean error 0 (t), two-sided."""
     freedom = len(target) - 1
@@ -54,10 +61,7 @@ def coordinates(
         for name, value in tests(error, target[at], measured[at]).items():
             result[f"{name}_{axis}"] = value
         result[f"std_{axis}"] = float(np.std(error, ddof=1))
-        for kind, values in (("wanted", target), ("reached", measured)):
-            points = np.full(len(number), np.nan)
-            points[at] = values[at]
-            result[f"{kind}_{axis}"] = points
+        result[f"wanted_{axis}"], result[f"reached_{axis}"] = visited(target, at), visited(measured, at)
     return result
 
 

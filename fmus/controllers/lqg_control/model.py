@@ -9,12 +9,12 @@ from fmus.beat_observer import (
     BeatObserver,
     initialize_observer,
     publish_velocity,
-    take_sample,
     turn_oscillator,
     update_observer,
 )
 from fmus.control import control_velocity
 from fmus.fourier import fill_waves
+from fmus.kalman import project, update
 
 from twin.component import Boolean, local, parameter
 
@@ -101,7 +101,8 @@ def correct_required(self: LqgControl, y: float) -> None:
     innovation = y
     for i in range(N):
         innovation -= self.regressor[i] * self.required_mean[i]
-    take_sample(self.required_mean, self.required_covariance, self.regressor, self.required_gain, innovation, self.noise, N)
+    variance = project(self.required_covariance, self.regressor, self.required_gain, self.noise * self.noise, N)
+    update(self.required_mean, self.required_covariance, self.required_gain, innovation, variance, N)
 
 
 def required_ahead(self: LqgControl, tau: float) -> tuple[float, float]:

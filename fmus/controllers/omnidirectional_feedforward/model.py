@@ -1,25 +1,12 @@
 """Feedforward controller of the injection catheter with four pull wires."""
 
-from math import floor, hypot
+from math import hypot
 
-from fmus.injection import (
-    BEND_Y,
-    BEND_Z,
-    COMPRESSION,
-    DEAD_BAND,
-    MILLIMETER,
-    NEEDLE,
-    RETRACTION,
-    REVERSAL_OFFSET,
-    SLOPE,
-    TENSION,
-    bend,
-    needle_after,
-    needle_limits,
-    retraction,
-)
+from fmus.injection_feedforward import InjectionFeedforward, extend_needle, publish_slides, steps
+
+from fmus.injection import MILLIMETER, bend, needle_after, needle_limits
 from fmus.omnidirectional import WIRES, needle_pull, periodic, pull_for
-from twin.component import Boolean, Component, Int32, Int64, input, local, output, parameter, terminal
+from twin.component import Boolean, Int32, Int64, input, local, output, parameter, terminal
 
 DIASTOLE, CHOSEN, INTERPOLATED = 0, 1, 2
 ACCEPTED, ACROSS_OUTSIDE, Z_OUTSIDE, NEEDLE_OUTSIDE, NOT_REACHABLE, NO_MODEL = 0, 1, 2, 3, 4, 5
@@ -46,7 +33,7 @@ CONTRACTION = (
 )
 
 
-class OmnidirectionalFeedforward(Component):
+class OmnidirectionalFeedforward(InjectionFeedforward):
     """From (x, y, z, needle length) to four pull wires, handle and needle, at every phase of the heartbeat, no feedback.
 
     Inverse of the coupled model of Cheng and Law (paper B) in the plane of the deflection, with a memory of directions.
@@ -54,7 +41,6 @@ class OmnidirectionalFeedforward(Component):
     over with a new target, never under a tip that holds one. While `hold` is true only the needle moves.
     """
 
-    period = 10e-3
     former_names = (("asked", "last_target"), ("needle_asked", "last_needle_length"))
 
     target_x = input("m", "wanted tip position across, at diastole", display_unit="mm", nominal=8e-3)
@@ -98,34 +84,12 @@ class OmnidirectionalFeedforward(Component):
                       type=Int32, fixed=True, source="0: the bench stands still; paper, discussion, asks for both")
     across_maximum = parameter(15e-3, "m", "workspace across, in every direction", display_unit="mm", minimum=0.0,
                                source="paper, calibration method")
-    z_maximum = parameter(20e-3, "m", "workspace along", display_unit="mm", source="paper, calibration method")
-    needle_maximum = parameter(6e-3, "m", "longest needle", display_unit="mm",
-                               source="estimate: Table 2 goes to 5 mm")
-    lead = parameter(7.7e-3, "m", "travel per revolution", display_unit="mm", minimum=1e-6, source="paper, eq. (1)")
-    steps_per_revolution = parameter(1600.0, "", "steps per revolution", minimum=1.0, source="paper, eq. (1)")
-    slope = parameter(SLOPE, "", "tip travel per handle travel, less one", source="paper, eqs. (2), (3)")
-    reversal_offset = parameter(REVERSAL_OFFSET, "", "travel [mm] that a reversal costs", minimum=0.0,
-                                source="paper, eq. (2)")
     reversal_threshold = parameter(0.02, "", "way back [mm] that is not worth a reversal", minimum=0.0,
                                    source="chosen: half a step of the play's model would chatter; what the camera resolves")
-    bend_y = parameter(BEND_Y, "", "eq. (4): coefficients of a^0 to a^3 in mm", source="paper, eq. (4)")
-    bend_z = parameter(BEND_Z, "", "eq. (5): coefficients of a^0 to a^3 in mm", source="paper, eq. (5)")
-    dead_band = parameter(DEAD_BAND, "", "pull [mm] that takes up a wire's slack", minimum=0.0,
-                          source="paper, eq. (4)")
-    pull_maximum = parameter(9.0, "", "longest pull [mm] that the equations hold for", minimum=0.0,
-                             source="paper, eq. (4)")
     stiffness_ratio = parameter(0.571, "", "bending stiffness over wire stiffness", minimum=0.0,
                                 source="2 N/mm and 5.5 N/mm of omnidirectional_catheter: 2 / (5.5 - 2)")
     slack = parameter(0.1, "", "pull [mm] by which an antagonist is paid out further than the tip needs", minimum=0.0,
                       source="chosen: three times the play of a wire")
-    compression = parameter(COMPRESSION, "", "eq. (6) compressed, in mm", source="paper, Table 1")
-    tension = parameter(TENSION, "", "eq. (6) in tension, in mm",
-                        source="paper, Table 1; terms in the order of poly33, two printed features are wrong")
-    needle = parameter(NEEDLE, "", "eqs. (7), (8): length per actuator, offset [mm], length per pull",
-                       source="paper, eqs. (7), (8)")
-    needle_back = parameter(RETRACTION, "", "eq. (9), in mm", source="paper, eq. (9)")
-    needle_turn = parameter(11.5, "", "actuator position [mm] from which eq. (9) retracts",
-                            source="not printed: see pull_wire_catheter")
     needle_home = parameter(-2.0, "", "needle's slide [mm] at home",
                             source="chosen: by eqs. (8), (9) the needle is then inside at every pull, by 0.7 mm or more")
     contraction = parameter(CONTRACTION, "", "part of the way from diastole to systole at 16 phases of the heartbeat",
@@ -142,12 +106,8 @@ class OmnidirectionalFeedforward(Component):
     offset = local(0.0, "", "shift [mm] in use: x, y, z", shape=(3,))
     wanted = local(0.0, "", "where the tip is to be now [mm]: x, y, z", shape=(3,))
     slides = local(0.0, "", "pull wires' slides [mm]", shape=(WIRES,))
-    handle = local(0.0, "", "handle's slide [mm]")
     reached = local(0.0, "", "advance of the tip [mm] without deflection")
     share = local(0.0, "", "last direction: 0 pushed, 1 pulled")
-    pull = local(0.0, "", "pull [mm] of a single wire that bends as much")
-    needle_slide = local(0.0, "", "needle's slide [mm]")
-    needle_set = local(0.0, "", "length [mm] that the needle's slide has set")
     last_needle_length = local(0.0, "m", "needle length of the last sample")
 
     def initialize(self) -> None:
@@ -278,32 +238,21 @@ def pull_pair(self: OmnidirectionalFeedforward, axis: int, wanted: float) -> Non
 
 def move_needle(self: OmnidirectionalFeedforward) -> None:
     """Slide for the wanted length; the play is crossed only where it must be."""
+    bent = needle_pull(self.dead_band, self.pull)
     if self.last_needle_length < 0.0:
         self.needle_slide = self.needle_home
-        bent = needle_pull(self.dead_band, self.pull)
         low, high = needle_limits(self.needle, self.needle_back, self.needle_turn, self.needle_slide, bent)
         self.needle_set = min(max(self.needle_set, low), high)
-        return
-    bent = needle_pull(self.dead_band, self.pull)
-    wanted = self.last_needle_length / MILLIMETER - self.needle[2] * bent
-    if wanted >= self.needle_set:
-        self.needle_slide = max((wanted - self.needle[1]) / self.needle[0], self.needle_slide)
     else:
-        shorter = self.needle[0] * self.needle_turn + self.needle[1] - wanted
-        self.needle_slide = min(retraction(self.needle_back, shorter, bent), self.needle_slide)
-    self.needle_set = wanted
+        extend_needle(self, self.last_needle_length, bent)
 
 
 def publish(self: OmnidirectionalFeedforward) -> None:
     """Outputs from the memory."""
-    steps = self.steps_per_revolution / (self.lead / MILLIMETER)
-    self.handle_position = MILLIMETER * self.handle
-    self.needle_position = MILLIMETER * self.needle_slide
-    self.handle_steps = floor(self.handle * steps + 0.5)
-    self.needle_steps = floor(self.needle_slide * steps + 0.5)
+    publish_slides(self)
     for i in range(WIRES):
         self.wire_position[i] = MILLIMETER * self.slides[i]
-        self.wire_steps[i] = floor(self.slides[i] * steps + 0.5)
+        self.wire_steps[i] = steps(self, self.slides[i])
     self.tip_advance = MILLIMETER * self.reached
     self.tension_share = self.share
     self.wanted_x = MILLIMETER * self.wanted[0]

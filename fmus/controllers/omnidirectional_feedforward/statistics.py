@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from fmus.coordinate_feedforward.statistics import ends
+from fmus.coordinate_feedforward.statistics import ends, visited
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,21 +25,18 @@ def points(
 ) -> dict[str, float | Values]:
     """RMS errors and the places, for a scenario. A refused coordinate was not visited."""
     at = ends(number)
-    visited = at[refusal[at] == 0]
-    result: dict[str, float | Values] = {"count": float(len(visited)), "refused": float(len(at) - len(visited))}
-    total = np.zeros(len(visited))
+    rests = at[refusal[at] == 0]
+    result: dict[str, float | Values] = {"count": float(len(rests)), "refused": float(len(at) - len(rests))}
+    total = np.zeros(len(rests))
     for axis, target, measured in (("x", target_x, x), ("y", target_y, y), ("z", target_z, z)):
-        error = measured[visited] - target[visited]
+        error = measured[rests] - target[rests]
         total += error**2
         result[f"rms_{axis}"] = float(np.sqrt(np.mean(error**2)))
-        for kind, values in (("wanted", target), ("reached", measured)):
-            positions = np.full(len(number), np.nan)
-            positions[visited] = values[visited]
-            result[f"{kind}_{axis}"] = positions
+        result[f"wanted_{axis}"], result[f"reached_{axis}"] = visited(target, rests), visited(measured, rests)
     distance = np.full(len(number), np.nan)
-    distance[visited] = np.sqrt(total)
+    distance[rests] = np.sqrt(total)
     radius = np.full(len(number), np.nan)
-    radius[visited] = np.hypot(target_x[visited], target_y[visited])
+    radius[rests] = np.hypot(target_x[rests], target_y[rests])
     result |= {
         "rms": float(np.sqrt(np.mean(total))),
         "largest": float(np.sqrt(total.max())),

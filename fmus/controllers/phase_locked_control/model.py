@@ -2,7 +2,7 @@
 
 from math import pi
 
-from fmus.beat_search import REFINED, RING, TREND, BeatSearch, fit, forget, remember, scan
+from fmus.beat_search import REFINED, RING, TREND, BeatSearch, fit, fix_direction, forget, remember, scan
 from fmus.learned_control import (
     AVERAGED,
     FOLLOWING,
@@ -127,9 +127,7 @@ class PhaseDomainRepetitiveControl(LearnedControl, BeatSearch, PhaseFilter):
     def initialize(self) -> None:
         begin_control(self)
         self.tip = 0.0
-        for i in range(3):
-            self.anchor[i] = 0.0
-            self.axis[i] = 1.0 if i == 2 else 0.0
+        fix_direction(self)
         self.unrest = RELAXED
         self.off_beat = False
         self.off = 0.0

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from math import floor
-from typing import Any
-
 from fmus.bouc_wen import BoucWenInverse, advance_inverse, initialize_inverse
+from fmus.control import NominalPlant, VelocityControl, delayed_value, limit_velocity
 from fmus.dense import cholesky, solve
 
-from twin.component import Int64, input, local, output, parameter, terminal
+from twin.component import Int64, input, local, output, parameter
 
 AHEAD = 3  # periods of the receding horizon
 ROWS = 2 * AHEAD  # limits: change of the velocity, then velocity
@@ -17,7 +15,7 @@ LARGEST = 100.0  # [N]: no force is larger; what is no number is not smaller eit
 LINE = 64  # periods that demand and reference are remembered
 
 
-class PreviewControl(BoucWenInverse):
+class PreviewControl(VelocityControl, NominalPlant, BoucWenInverse):
     """Model predictive force controller: integrator with dead time, the inverse hysteresis of the previewed wall as reference.
 
     Quadratic program of three velocity changes with limits on velocity and acceleration, solved by Hildreth's method
@@ -25,36 +23,19 @@ class PreviewControl(BoucWenInverse):
     `heart_position` must be ahead by the horizon, 15 ms, beyond what pi_bouc_wen_control gets.
     """
 
-    period = 5e-3
     buffers = (("delay", LINE - AHEAD - 2),)
 
-    setpoint = input("N", "desired contact force", start=0.2, minimum=0.0, nominal=0.1)
-    force = input("N", "measured contact force", nominal=0.1)
     heart_position = input("m", "estimated wall position, ahead by the horizon", display_unit="mm", nominal=5e-3)
 
-    target_velocity = output("m/s", "velocity demand for the drive, positive distal", display_unit="mm/s")
     feedforward = output("m/s", "velocity of the reference now", display_unit="mm/s")
     limited = output("", "steps so far in which a limit was active", type=Int64)
 
-    drive = terminal("what it commands", rule="bus", target_velocity=target_velocity)
-
-    stiffness = parameter(11.2, "N/m", "contact force per motion of the tip", display_unit="N/mm", minimum=1.0,
-                          source="as phase_locked_control: 3 EI / L^3 of wall")
-    delay = parameter(20e-3, "s", "from a demand until the force sensor's value shows it", display_unit="ms", minimum=5e-3,
-                      maximum=0.1, source="as phase_locked_control")
     correction = parameter(0.11, "", "part of the force error that is taken for lasting", minimum=0.0, maximum=1.0,
                            source="tuned, see the README")
     weight = parameter(0.41, "", "weight of the squared change of the demand in a period over that of the squared error",
                        minimum=1e-3, fixed=True, source="tuned, see the README")
-    acceleration_maximum = parameter(10.0, "m/s^2", "limit of the demand's change", minimum=0.1,
-                                     source="as phase_locked_control: keeps the motor below 15 N")
 
-    velocity_maximum = parameter(0.5, "m/s", "limit of the velocity demand", display_unit="mm/s", minimum=0.0,
-                                 source="as the other controllers: ten times what the heart needs")
-
-    velocity = local(0.0, "m/s", "last velocity demand", display_unit="mm/s")
     limited_steps = local(0, "", "steps so far in which a limit was active", type=Int64)
-    demand = local(0.0, "m", "integral of the velocity demand", display_unit="mm")
     line = local(0.0, "m", "its last values, a ring", shape=(LINE,))
     reference = local(0.0, "m", "where the gripper should be, a ring whose latest is `AHEAD` periods ahead", shape=(LINE,))
     line_head = local(0, "", "place of the latest in both", type=Int64)
@@ -93,27 +74,19 @@ class PreviewControl(BoucWenInverse):
         # dead time: the error that will be there when the demand of now acts, from the error of `delay` ago
         error = self.setpoint - self.force
         left = self.correction * error / self.stiffness if abs(error) < LARGEST else 0.0
-        left += now - delayed_value(self, self.reference, AHEAD, h) - (self.demand - delayed_value(self, self.line, 0, h))
+        periods = self.delay / h
+        left += (
+            now
+            - delayed_value(self.reference, self.line_head - AHEAD, periods, LINE)
+            - (self.demand - delayed_value(self.line, self.line_head, periods, LINE))
+        )
         for j in range(AHEAD):
             goal = self.reference[(self.line_head - AHEAD + 1 + j + LINE) % LINE]
             self.error[j] = (left + goal - now) / h - (j + 1) * self.velocity
         if solve_program(self, h):
             self.limited_steps += 1
         self.limited = self.limited_steps
-        most = h * self.acceleration_maximum
-        velocity = self.velocity + min(max(self.change[0], -most), most)
-        self.velocity = min(max(velocity, -self.velocity_maximum), self.velocity_maximum)
-        self.target_velocity = self.velocity
-        self.demand += h * self.velocity
-
-
-def delayed_value(self: PreviewControl, ring: Any, later: int, h: float) -> float:
-    """Return a ring buffer's value `delay` before the entry that is `later` periods behind its latest [m]."""
-    periods = self.delay / h
-    below = floor(periods)
-    part = periods - below
-    k = self.line_head - later - int(below) + LINE
-    return (1.0 - part) * ring[k % LINE] + part * ring[(k - 1 + LINE) % LINE]
+        limit_velocity(self, self.velocity + self.change[0], h)
 
 
 def factorize(self: PreviewControl) -> None:

@@ -2,7 +2,7 @@
 
 from math import exp, floor
 
-from fmus.beat_search import RING, TREND, BeatSearch, forget, remember, scan
+from fmus.beat_search import RING, TREND, BeatSearch, fix_direction, forget, remember, scan
 from fmus.learned_control import (
     FOLLOWING,
     LEAVING,
@@ -64,9 +64,7 @@ class QuasiPeriodicControl(LearnedControl, BeatSearch):
     def initialize(self) -> None:
         begin_control(self)
         self.measured = True  # the nominal stiffness and delay are used
-        for i in range(3):
-            self.anchor[i] = 0.0
-            self.axis[i] = 1.0 if i == 2 else 0.0
+        fix_direction(self)
         self.now = MEMORY
         self.off = 0.0
         start_search(self)

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from fmus.bouc_wen import MILLIMETER
-from fmus.bouc_wen_compensator.identify import LOWER, SCALE, STARTS, UPPER, Constants, hysteresis
-from scipy.optimize import least_squares
+from fmus.bouc_wen_compensator.identify import LOWER, SCALE, UPPER, Constants, hysteresis, search
 from scipy.signal import lfilter
 
 if TYPE_CHECKING:
@@ -68,32 +67,17 @@ def simulate(
 def identify(x_in: NDArray[np.float64], x_out: NDArray[np.float64], sample: float = SAMPLE) -> Fit:
     """Fit constants, lag and an offset of the tip's frame to samples [m] that begin with the instrument relaxed."""
     gripper, tip = x_in / MILLIMETER, x_out / MILLIMETER
-    cache: dict[bytes, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
     step = 1e-3 * FIRST_LAG  # of the derivative by the lag
 
     def model(p: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        if p.tobytes() not in cache:
-            cache.clear()
-            h, slopes = hysteresis(Constants(*p[:5]), gripper)
-            followed = p[0] * gripper - h
-            answer = lagged(followed, p[6], sample)
-            by_constants = lagged(np.column_stack((gripper, -slopes)), p[6], sample)
-            by_lag = (lagged(followed, p[6] + step, sample) - answer) / step
-            cache[p.tobytes()] = (
-                answer + p[5] - tip,
-                np.column_stack((by_constants, np.ones_like(gripper), by_lag)),
-            )
-        return cache[p.tobytes()]
+        h, slopes = hysteresis(Constants(*p[:5]), gripper)
+        followed = p[0] * gripper - h
+        answer = lagged(followed, p[6], sample)
+        by_constants = lagged(np.column_stack((gripper, -slopes)), p[6], sample)
+        by_lag = (lagged(followed, p[6] + step, sample) - answer) / step
+        return answer + p[5] - tip, np.column_stack((by_constants, np.ones_like(gripper), by_lag))
 
-    starts = [np.array((*start, 0.0, FIRST_LAG)) for start in STARTS]
-    for start in starts:
-        start[5] = np.clip(-np.mean(model(start)[0]), FROM[5], TO[5])
-    starts.sort(key=lambda start: float(np.sum(model(start)[0] ** 2)))
-    solutions = [
-        least_squares(lambda p: model(p)[0], start, lambda p: model(p)[1], (FROM, TO), x_scale=SIZE, max_nfev=100)
-        for start in starts[:2]
-    ]
-    best = min(solutions, key=lambda solution: float(solution.cost))
+    best = search(model, (0.0, FIRST_LAG), FROM, TO, SIZE)
     residual = float(np.sqrt(2.0 * best.cost / tip.size))
     return Fit(
         Constants(*map(float, best.x[:5])), float(best.x[6]), MILLIMETER * float(best.x[5]), MILLIMETER * residual

@@ -2,12 +2,13 @@
 
 from math import floor, pi, sqrt
 
-from twin.component import ERROR, OK, Component, Int64, input, local, normal, output, parameter, seed_stream
+from fmus.noisy import Noisy, noise_seed
+from twin.component import ERROR, OK, Int64, input, local, normal, output, parameter, seed_stream
 
 LINE = 64
 
 
-class HeartEstimate(Component):
+class HeartEstimate(Noisy):
     """A stand-in that looks at the truth: the heart's motion, late and with a smooth error. Not for controllers, see `heart_motion`.
 
     Error of Al-Ahmad et al. (RACS), section IV.C. The delay is whole periods: 1 to 64 ms, else ERROR.
@@ -31,14 +32,12 @@ class HeartEstimate(Component):
         1.0, "Hz", "corner of the error's spectrum", minimum=0.0,
         source="estimate: a quasi-periodic filter follows amplitude and phase over about a cycle",
     )
-    seed = parameter(2, "", "seed of the error; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")
+    seed = noise_seed(2, "the error")
 
     error = local(0.0, "m", "error of the estimate", display_unit="mm")
     error_rate = local(0.0, "m/s", "rate of the error", display_unit="mm/s")
     line = local(0.0, "m", "positions of the last periods, a ring", shape=(LINE,))
     head = local(0, "", "place of the latest position in the ring", type=Int64)
-    stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)

@@ -17,9 +17,10 @@ from fmus.quasi_periodic import (
     renew,
     start,
 )
+from fmus.tracked_tip import TrackedTip, changed
 from fmus.unscented import average, correct
 
-from twin.component import Boolean, Int32, input, local, output, parameter, terminal
+from twin.component import Boolean, Int32, input, local, output, parameter
 
 VALID, DEGRADED, LOST = 0, 1, 2
 SEARCHING, FOLLOWING, LEAVING = 0, 1, 2
@@ -40,7 +41,7 @@ LONGEST = 8.0  # [s] that a ring of five seconds may span: not more than three w
 MEMORY, TROUBLED = 5.0, 0.7  # [s], part of that time that disturbances may take before all is learned anew
 
 
-class HeartMotion(BeatSearch, QuasiPeriodic, MeasuredMotion):
+class HeartMotion(TrackedTip, BeatSearch, QuasiPeriodic, MeasuredMotion):
     """Heart motion along its principal direction, learned from the tracked tip over some beats and predicted ahead.
 
     Al-Ahmad et al. (RACS), section IV.A: an unscented Kalman filter of a quasi-periodic motion; state of eq. (4).
@@ -59,10 +60,6 @@ class HeartMotion(BeatSearch, QuasiPeriodic, MeasuredMotion):
         ("strain", "nis"),
     )
 
-    tip_position = input("m", "tracked tip in the universal frame", shape=(3,), display_unit="mm", nominal=5e-3)
-    tip_status = input("", "0 valid, 1 degraded, 2 lost", type=Int32, minimum=0, maximum=2)
-    tip_age = input("s", "time since the tip was where it is said to be, when that was published", minimum=0.0,
-                    display_unit="ms", nominal=1e-2)
     learn = input("", "whether samples are taken in; otherwise the learned motion is predicted", start=True, type=Boolean)
     enable = input("", "whether the estimate is published; otherwise it fades to zero", start=True, type=Boolean)
 
@@ -80,8 +77,6 @@ class HeartMotion(BeatSearch, QuasiPeriodic, MeasuredMotion):
     search_rate = output("Hz", "heart rate of the search over the last seconds, independent of the filter; 0: none yet")
     residual_power_ratio = output("", "fraction of the motion's power that no beat at that rate explains")
     status = output("", "0 valid, 1 degraded: predicted, or in doubt; 2 lost", type=Int32)
-
-    tip = terminal("the tracked tip", rule="bus", position=tip_position, status=tip_status, age=tip_age)
 
     horizon = parameter(0.0, "s", "time by which the motion is ahead of the instant at which it is published",
                         display_unit="ms", source="0: the age of the samples is made up for, no lag of what follows")
@@ -112,7 +107,6 @@ class HeartMotion(BeatSearch, QuasiPeriodic, MeasuredMotion):
     sigma = local(0.0, "m", "standard deviation of the motion, as the filter sees it")
     off = local(0.0, "m", "latest innovation")
     sample = local(0.0, "m", "latest sample along the direction")
-    last_position = local(0.0, "m", "tip of the tick before", shape=(3,))
     trained_time = local(0.0, "s", "duration of the training so far")
     share = local(0.0, "", "part of the estimate that is published, before it is smoothed")
     doubt = local(0, "", "searches in a row that found another beat", type=Int32)
@@ -183,15 +177,6 @@ def usable(self: HeartMotion) -> bool:
     for i in range(3):
         near = near and abs(self.tip_position[i]) < FARTHEST
     return near
-
-
-def changed(self: HeartMotion) -> bool:
-    """Return whether the position has changed: a sample that is held, or read twice, counts once."""
-    new = False
-    for i in range(3):
-        new = new or self.tip_position[i] != self.last_position[i]
-        self.last_position[i] = self.tip_position[i]
-    return new
 
 
 def search(self: HeartMotion, at: float, gained: bool) -> None:

@@ -2,10 +2,11 @@
 
 from math import floor, pi
 
-from twin.component import Boolean, Component, Int64, input, local, normal, output, parameter, seed_stream, uniform
+from fmus.noisy import Noisy, noise_seed
+from twin.component import Boolean, Int64, input, local, normal, output, parameter, seed_stream, uniform
 
 
-class HeartPhase(Component):
+class HeartPhase(Noisy):
     """Phase of the heartbeat for gating: counted from the last R wave with the period of the beats before.
 
     The wave itself is not simulated: it is where the phase of `heart` is 0, found with jitter and a delay.
@@ -35,8 +36,7 @@ class HeartPhase(Component):
                           source="chosen: 5 % of variability and the jitter; ectopic beats are earlier by 0.2 to 0.5")
     regular_waves = parameter(3, "", "regular waves in a row before the phase is valid", type=Int64, minimum=1,
                               source="chosen: an ectopic beat and its pause are over then")
-    seed = parameter(18, "", "seed of the jitter; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")
+    seed = noise_seed(18, "the jitter")
 
     last_beats = local(0.0, "", "true beats at the last step")
     last_wave = local(0.0, "s", "when the last wave was, as far as was found")
@@ -47,7 +47,6 @@ class HeartPhase(Component):
     regular = local(0, "", "regular waves in a row", type=Int64)
     last_passed = local(1.0, "", "beats between the last two waves")
     skipped = local(0, "", "waves in a row with as many beats between them, more than one", type=Int64)
-    stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)

@@ -2,16 +2,18 @@
 
 from math import hypot, sqrt
 
-from fmus.injection import BEND_Y, BEND_Z, COMPRESSION, DEAD_BAND, MILLIMETER, TENSION, bend
+from fmus.kalman import project, update
+
+from fmus.injection import MILLIMETER, Deflection, bend
 from fmus.omnidirectional import WIRES, pair, radial, single_pull
-from twin.component import Boolean, Component, Int64, input, local, output, parameter, terminal
+from twin.component import Boolean, Int64, input, local, output, parameter, terminal
 
 STATES = 5  # gain x, gain y, offset x, y, z
 DIFFERENCE = 1e-4  # of a gain, for the slope of the model
 LONGEST = 9.0  # pull [mm] that eqs. (4) and (5) hold for
 
 
-class SelfCalibration(Component):
+class SelfCalibration(Deflection):
     """Extended Kalman filter for gains of the pull wires and a shift of the tip, from a slow and noisy position.
 
     Answers the wish of Cheng and Law (paper B), discussion. Frames count only when the slides have been at rest for longer
@@ -66,15 +68,8 @@ class SelfCalibration(Component):
         0.5, "", "least gain that is learned", minimum=0.1, source="chosen: below, a wire is broken"
     )
     gain_maximum = parameter(1.5, "", "largest gain that is learned", source="chosen: as far above")
-    bend_y = parameter(BEND_Y, "", "eq. (4): coefficients of a^0 to a^3 in mm", source="paper, eq. (4)")
-    bend_z = parameter(BEND_Z, "", "eq. (5): coefficients of a^0 to a^3 in mm", source="paper, eq. (5)")
-    dead_band = parameter(DEAD_BAND, "", "pull [mm] that takes up a wire's slack", minimum=0.0,
-                          source="paper, eq. (4)")
     stiffness_ratio = parameter(0.571, "", "bending stiffness over wire stiffness", minimum=0.0,
                                 source="as omnidirectional_feedforward")
-    compression = parameter(COMPRESSION, "", "eq. (6) compressed, in mm", source="paper, Table 1")
-    tension = parameter(TENSION, "", "eq. (6) in tension, in mm",
-                        source="paper, Table 1; terms in the order of poly33, two printed features are wrong")
 
     estimate = local(0.0, "", "gain x, gain y, shift x, y, z [mm]", shape=(STATES,))
     covariance = local(0.0, "", "of the estimate", shape=(STATES, STATES))
@@ -144,18 +139,10 @@ def take(self: SelfCalibration, axis: int, measured: float) -> None:
     for i in range(2, STATES):
         self.slope[i] = 1.0 if i == 2 + axis else 0.0
 
-    variance = self.noise * self.noise + self.own_noise * self.own_noise
-    for i in range(STATES):
-        self.kalman[i] = 0.0
-        for j in range(STATES):
-            self.kalman[i] += self.covariance[i, j] * self.slope[j]
-    for i in range(STATES):
-        variance += self.slope[i] * self.kalman[i]
+    noise = self.noise * self.noise + self.own_noise * self.own_noise
+    variance = project(self.covariance, self.slope, self.kalman, noise, STATES)
     error = measured - here - self.estimate[2 + axis]
-    for i in range(STATES):
-        self.estimate[i] += self.kalman[i] / variance * error
-        for j in range(STATES):
-            self.covariance[i, j] -= self.kalman[i] * self.kalman[j] / variance
+    update(self.estimate, self.covariance, self.kalman, error, variance, STATES)
 
 
 def tip(self: SelfCalibration, gain_x: float, gain_y: float) -> tuple[float, float, float]:

@@ -2,6 +2,8 @@
 
 from math import cos, isfinite, pi, sin, sqrt
 
+from fmus.kalman import update
+
 from fmus.gratings import DEGRADED, LOST, VALID
 from twin.component import Boolean, Component, Int32, input, local, output, parameter, terminal
 
@@ -293,13 +295,7 @@ def correct(self: TravelFusion, h: float) -> bool:
 
     # an error that lasts is as bad as white noise larger by the root of the samples it lasts
     total = square * self.shift_correlation / h + self.gain[OFFSET] + self.gain[REFERENCE] + self.gain[BREATH]
-    for i in range(STATES):
-        self.x[i] += self.gain[i] / total * innovation
-        for j in range(STATES):
-            self.p[i, j] -= self.gain[i] * self.gain[j] / total
-    for i in range(STATES):
-        for j in range(i):
-            self.p[j, i] = self.p[i, j]
+    update(self.x, self.p, self.gain, innovation, total, STATES)
     return True
 
 

@@ -2,12 +2,14 @@
 
 from math import inf, isfinite
 
-from twin.component import Component, Int32, input, local, output, parameter, terminal
+from fmus.tracked_tip import TrackedTip, changed
+
+from twin.component import Int32, input, local, output, parameter, terminal
 
 VALID, LOST = 0, 2
 
 
-class WallTracking(Component):
+class WallTracking(TrackedTip):
     """Travel of the wall that the tip presses on: the tracked tip along the wall's normal, as long as there is contact.
 
     The gripper's own motion moves the tip along the wall or bends its free end, which leaves the distance from the wall as it is.
@@ -16,17 +18,12 @@ class WallTracking(Component):
 
     period = 1e-3
 
-    tip_position = input("m", "tracked tip in the universal frame", shape=(3,), display_unit="mm", nominal=5e-3)
-    tip_status = input("", "0 valid, 1 degraded, 2 lost", type=Int32, minimum=0, maximum=2)
-    tip_age = input("s", "time since the tip was where it is said to be, when that was published", minimum=0.0,
-                    display_unit="ms", nominal=1e-2)
     force = input("N", "measured contact force", start=0.2, nominal=0.1)
 
     position = output("m", "of the wall along its motion, in the universal frame", shape=(3,), display_unit="mm")
     status = output("", "0 valid, 1 degraded: as the tip; 2 lost: as the tip, or no contact", type=Int32)
     age = output("s", "age of the sample when it was published", display_unit="ms")
 
-    tip = terminal("the tracked tip", rule="bus", position=tip_position, status=tip_status, age=tip_age)
     wall = terminal("the tracked wall", rule="bus", position=position, status=status, age=age)
 
     motion = parameter((0.0, 0.0, 1.0), "", "direction of the wall's motion, positive away from the instrument",
@@ -36,7 +33,6 @@ class WallTracking(Component):
     contact_force = parameter(0.03, "N", "least measured force that counts as contact", display_unit="mN", minimum=0.0,
                               source="ten deviations of the sensor's noise, which its zero error and drift do not reach in minutes")
 
-    last_position = local(0.0, "m", "tip of the tick before", shape=(3,))
     travel = local(0.0, "m", "of the wall along its motion", display_unit="mm")
     sample_age = local(0.0, "s", "age of that sample when it was published", display_unit="ms")
 
@@ -66,12 +62,3 @@ def publish(self: WallTracking, status: int) -> None:
         self.position[i] = self.travel * self.motion[i]
     self.age = self.sample_age
     self.status = status
-
-
-def changed(self: WallTracking) -> bool:
-    """Whether the tip is another sample than before."""
-    new = False
-    for i in range(3):
-        new = new or self.tip_position[i] != self.last_position[i]
-        self.last_position[i] = self.tip_position[i]
-    return new

@@ -2,9 +2,9 @@
 
 from math import cos, expm1, pi, sin, sqrt
 
+from fmus.noisy import Noisy
 from twin.component import (
     Boolean,
-    Component,
     Int32,
     Int64,
     input,
@@ -17,7 +17,7 @@ from twin.component import (
 )
 
 
-class BraidedSleeve(Component):
+class BraidedSleeve(Noisy):
     """Braided sleeve that closes on an instrument when it is extended, and holds it like a finger trap.
 
     Yarns of fixed length on a cylinder; capstan law along the contact: a load that extends the sleeve tightens it.
@@ -92,7 +92,6 @@ class BraidedSleeve(Component):
 
     held = local(False, "", "whether the instrument was held in the last step", type=Boolean)
     friction = local(0.0, "", "friction coefficient of this grip over `friction_coefficient`")
-    stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)

@@ -4,58 +4,29 @@ from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
+from fmus.gripped_instrument import GRIPPERS, GrippedInstrument
 
 from fmus.bodies.grips import Grip
 from fmus.bodies.part import RodPart
 from fmus.bodies.world import World
-from twin.component import input, output, parameter, terminal
-
-GRIPPERS = 2
+from twin.component import output, parameter, terminal
 
 
-class ChainInGrippers(RodPart):
+class ChainInGrippers(GrippedInstrument, RodPart):
     """Instrument that two sleeves push in turns: stands where `instrument` stands in a rig, but for torsion.
 
-    In a plane nothing turns: the tip's angle is that of the frame. See `chain` for the instrument.
+    In a plane nothing turns: the tip's angle is that of the frame; torques, torsion and angular speed are not used. See `chain` for the instrument.
     """
 
     former_names = (("valve_place", "valve_position"),)
 
     environment: ClassVar[str] = "two_bends"
 
-    gripper_position = input("m", "positions of the grippers from mid-stroke, positive distal", shape=(GRIPPERS,),
-                             display_unit="mm", nominal=0.01)
-    gripper_velocity = input("m/s", "speeds of the grippers", shape=(GRIPPERS,), display_unit="mm/s", nominal=0.05)
-    limit_distal = input("N", "largest distal force of a gripper on the instrument", shape=(GRIPPERS,), minimum=0.0,
-                         nominal=10.0)
-    limit_proximal = input("N", "largest proximal force of a gripper on the instrument", shape=(GRIPPERS,), minimum=0.0,
-                           nominal=10.0)
-    torque_limit = input("N*m", "largest torque of a gripper on the instrument, not used", shape=(GRIPPERS,), minimum=0.0,
-                         display_unit="mN*m", nominal=0.02)
-    grip_stiffness = input("N/m", "stiffness between carriage and instrument, 0 if open", shape=(GRIPPERS,),
-                           minimum=0.0, display_unit="N/mm", nominal=4.4e3)
-    grip_torsional_stiffness = input("N*m/rad", "torsional stiffness between carriage and instrument, not used",
-                                     shape=(GRIPPERS,), minimum=0.0, nominal=0.1)
-    gripper_angle = input("rad", "angle of the frame with both grippers", display_unit="deg", nominal=1.0)
-    gripper_angular_velocity = input("rad/s", "its speed, not used", display_unit="deg/s", nominal=1.0)
-
-    gripper_force = output("N", "force of the instrument on each gripper, positive distal", shape=(GRIPPERS,))
-    gripper_torque = output("N*m", "torque of the instrument on the frame, none", display_unit="mN*m")
     tip_angle = output("rad", "angle of the tip, that of the frame", display_unit="deg")
     insertion_depth = output("m", "length of the instrument beyond the sheath's valve", display_unit="mm")
     slip_distance = output("m", "slip of the instrument in each gripper, positive distal", shape=(GRIPPERS,),
                            display_unit="mm")
 
-    grip = terminal(
-        "grips of the sleeves", limit_distal=limit_distal, limit_proximal=limit_proximal, torque_limit=torque_limit,
-        stiffness=grip_stiffness, torsional_stiffness=grip_torsional_stiffness,
-    )
-    carriage = terminal(
-        "carriages of the grippers", position=gripper_position, velocity=gripper_velocity, force=gripper_force,
-    )
-    frame = terminal(
-        "frame with both grippers", angle=gripper_angle, angular_velocity=gripper_angular_velocity, torque=gripper_torque,
-    )
     tip = terminal("tip in the sheath", rule="bus", position=insertion_depth, angle=tip_angle)
 
     length = parameter(0.7, "m", "length of the instrument", display_unit="mm", minimum=0.1, fixed=True,

@@ -2,7 +2,8 @@
 
 from math import cos, floor, pi, sin, sqrt
 
-from twin.component import Boolean, Component, Int64, local, output, parameter, seed_stream, terminal, uniform
+from fmus.noisy import Noisy
+from twin.component import Boolean, Int64, local, output, parameter, seed_stream, terminal, uniform
 
 HARMONICS = 7
 WAVES = 8
@@ -14,7 +15,7 @@ SHORTEST = 0.225  # part of a beat that is systole below 0.46 Hz: with less the 
 SWEEP = 0.1  # part of a beat in which an ectopic one ends the beat before
 
 
-class Heart(Component):
+class Heart(Noisy):
     """Motion of the heart wall along the instrument: seven harmonics of the heart rate.
 
     Al-Ahmad et al. (RACS), eq. (4). As printed it moves 10.65 mm peak to peak, the text says about 12 mm.
@@ -76,7 +77,6 @@ class Heart(Component):
     systole_stretch = local(0.0, "", "by how much systole is faster in this beat than in one of 1 Hz")
     wave_rate = local(0.0, "Hz", "rates of the waves that make the wander", shape=(WAVES,))
     wave_phase = local(0.0, "rad", "their phases", shape=(WAVES,))
-    stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
     last_rate = local(0.0, "Hz", "rate that the lead below is for")
     lead = local(0.0, "rad", "phase by which changes of the rate are ahead of rate times time")
     ahead = local(0.0, "rad", "phase by which the beat is, with wander and all")

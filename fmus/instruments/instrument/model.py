@@ -2,12 +2,11 @@
 
 from math import ceil, exp, pi
 
+from fmus.gripped_instrument import GRIPPERS, GrippedInstrument
 from fmus.instrument.elimination import begin, eliminate, update_active_set
 from fmus.instrument.gauss_seidel import count_slip, holds, sweep
 
-from twin.component import Component, input, local, output, parameter, terminal
-
-GRIPPERS = 2
+from twin.component import input, local, output, parameter, terminal
 
 # nodes: at the grippers, at the sheath's valve, at the end of bend 1, at the end of bend 2 (the tip)
 NODES = 4
@@ -17,7 +16,7 @@ SECTIONS = NODES - 1
 SUBSTEP = 1e-4  # longest substep [s]
 
 
-class Instrument(Component):
+class Instrument(GrippedInstrument):
     """Catheter or guidewire: axial and torsional chains of overdamped nodes, gripped by two sleeves, in a sheath.
 
     Geometry of Al-Ahmad et al. (RACS), Fig. 3E: a straight part, then two opposite bends of 90 deg, radius 50 mm.
@@ -25,26 +24,9 @@ class Instrument(Component):
     Each substep is implicit and minimizes its energy: stable and passive at any stiffness, exact in sticking.
     """
 
-    gripper_position = input("m", "positions of the grippers from mid-stroke, positive distal", shape=(GRIPPERS,),
-                             display_unit="mm", nominal=0.01)
-    gripper_velocity = input("m/s", "speeds of the grippers", shape=(GRIPPERS,), display_unit="mm/s", nominal=0.05)
-    limit_distal = input("N", "largest distal force of a gripper on the instrument", shape=(GRIPPERS,), minimum=0.0,
-                         nominal=10.0)
-    limit_proximal = input("N", "largest proximal force of a gripper on the instrument", shape=(GRIPPERS,), minimum=0.0,
-                           nominal=10.0)
-    torque_limit = input("N*m", "largest torque of a gripper on the instrument", shape=(GRIPPERS,), minimum=0.0,
-                         display_unit="mN*m", nominal=0.02)
-    grip_stiffness = input("N/m", "stiffness between carriage and instrument, 0 if open", shape=(GRIPPERS,),
-                           minimum=0.0, display_unit="N/mm", nominal=4.4e3)
-    grip_torsional_stiffness = input("N*m/rad", "torsional stiffness between carriage and instrument, 0 if open",
-                                     shape=(GRIPPERS,), minimum=0.0, nominal=0.1)
-    gripper_angle = input("rad", "angle of the frame with both grippers", display_unit="deg", nominal=1.0)
-    gripper_angular_velocity = input("rad/s", "its speed", display_unit="deg/s", nominal=1.0)
     tip_force = input("N", "force on the tip, positive proximal: pushes the instrument back", nominal=0.5)
     tip_torque = input("N*m", "torque on the tip, positive against positive angles", display_unit="mN*m", nominal=1e-3)
 
-    gripper_force = output("N", "force of the instrument on each gripper, positive distal", shape=(GRIPPERS,))
-    gripper_torque = output("N*m", "torque of the instrument on the frame", display_unit="mN*m")
     proximal_position = output("m", "position of the instrument at the grippers, 0 at the start", display_unit="mm")
     tip_position = output("m", "position of the tip along the path, 0 at the start", display_unit="mm")
     tip_velocity = output("m/s", "speed of the tip", display_unit="mm/s")
@@ -60,16 +42,6 @@ class Instrument(Component):
     buckling_load = output("N", "compression at which the free length buckles")
     buckled = output("", "whether the free length has buckled: compression is at the buckling load", start=False)
 
-    grip = terminal(
-        "grips of the sleeves", limit_distal=limit_distal, limit_proximal=limit_proximal, torque_limit=torque_limit,
-        stiffness=grip_stiffness, torsional_stiffness=grip_torsional_stiffness,
-    )
-    carriage = terminal(
-        "carriages of the grippers", position=gripper_position, velocity=gripper_velocity, force=gripper_force,
-    )
-    frame = terminal(
-        "frame with both grippers", angle=gripper_angle, angular_velocity=gripper_angular_velocity, torque=gripper_torque,
-    )
     tip = terminal(
         "tip in the sheath", rule="bus", position=insertion_depth, angle=tip_angle, force=tip_force, torque=tip_torque,
     )

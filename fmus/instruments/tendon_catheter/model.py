@@ -2,36 +2,25 @@
 
 from math import cos, exp, sin, sqrt
 
+from fmus.injection_catheter import SingleWireCatheter
+
 from fmus.injection import wander
-from twin.component import Boolean, Component, Int64, input, local, output, parameter, seed_stream, terminal
+from fmus.noisy import Noisy, noise_seed
+from twin.component import Boolean, local, output, parameter, seed_stream
 
 STRAIGHT = 1e-6  # angle [rad] below which an arc is a line
 
 
-class TendonCatheter(Component):
+class TendonCatheter(SingleWireCatheter, Noisy):
     """8 Fr catheter in a PTFE guide with one tendon and a needle: sliding friction, creep, capstan, arcs, warm plastic.
 
     In place of `pull_wire_catheter`, whose plant is paper B's own fits. Calibrate a controller on it: the paper's forms
     fit it only nearly. Tendon friction as in textbooks is many times what the paper's errors leave room for.
     """
 
-    handle_position = input("m", "slide of the inner handle, positive distal", display_unit="mm", nominal=10e-3)
-    wire_position = input("m", "slide of the pull wire, positive: pulled", display_unit="mm", nominal=8e-3)
-    needle_position = input("m", "slide of the needle, positive distal", display_unit="mm", nominal=10e-3)
-
-    tip_y = output("m", "tip across the catheter, positive to the wire's side", display_unit="mm")
     tip_z = output("m", "tip along the catheter, from its place at the start when cold, positive distal", display_unit="mm")
-    needle_length = output("m", "needle outside of the tip; negative: still inside", display_unit="mm")
-    handle_force = output("N", "force of the catheter on the handle's slide, positive distal")
-    wire_force = output("N", "force of the wire on its slide, positive: pulled further")
-    needle_force = output("N", "force of the needle on its slide, positive distal")
     deflection = output("rad", "angle of the bent tip", display_unit="deg")
     warmth = output("K", "warmth of the handle above the room's")
-
-    tip = terminal("the tip and the needle", rule="bus", y=tip_y, z=tip_z, needle_length=needle_length)
-    handle_slide = terminal("slide of the inner handle", position=handle_position, force=handle_force)
-    wire_slide = terminal("slide of the pull wire", position=wire_position, force=wire_force)
-    needle_slide = terminal("slide of the needle", position=needle_position, force=needle_force)
 
     guide_friction = parameter(4.0, "N", "friction of the catheter in its guide, sliding", minimum=0.0,
                                source="estimate: PTFE on a catheter through the aortic arch, 2 to 6 N")
@@ -102,8 +91,7 @@ class TendonCatheter(Component):
                               source="estimate: 50 to 80 mm on Fig. 2")
     wire_length = parameter(40e-3, "m", "plastic between catheter and pull wire's slide", display_unit="mm",
                             source="estimate: 30 to 60 mm on Fig. 2")
-    seed = parameter(13, "", "seed of friction and tilt; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")
+    seed = noise_seed(13, "friction and tilt")
 
     heat = local(0.0, "K", "warmth of the handle")
     slip = local(0.0, "m", "place of the catheter on its guide")
@@ -116,7 +104,6 @@ class TendonCatheter(Component):
     handle_last = local(0.0, "m", "handle of the last step")
     rough = local(0.0, "", "friction's deviation: last, behind a lag", shape=(2,))
     lean = local(0.0, "", "tilt's deviation: last, behind a lag", shape=(2,))
-    stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)

@@ -3,8 +3,8 @@
 from math import exp, floor, pi, sin, sqrt
 
 from fmus.gratings import GRATINGS
+from fmus.noisy import Noisy
 from twin.component import (
-    Component,
     Float64,
     Int32,
     Int64,
@@ -38,7 +38,7 @@ LUMEN = (
 )
 
 
-class VesselTravel(Component):
+class VesselTravel(Noisy):
     """True travel of an instrument along a vessel: the tip lags the gripper, and the vessel moves.
 
     Setting of Al-Ahmad et al. (RACS), section VI. A chain of plays along the vessel: friction on an elastic rod is a play, and
@@ -110,7 +110,6 @@ class VesselTravel(Component):
     tip = local(0.0, "m", "travel of the tip", display_unit="mm")
     carried = local(0.0, "m", "travel of the instrument at each point of the vessel", shape=(POINTS,), display_unit="mm")
     start_offset = local(0.0, "m", "what `carried` was at first", shape=(POINTS,))
-    stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
     used = local(4, "", "gratings in use", type=Int32)
 
     def initialize(self) -> None:

@@ -1,6 +1,7 @@
 """Weights in a box on a cable."""
 
-from twin.component import Boolean, Component, Int32, Int64, input, local, normal, output, parameter, seed_stream
+from fmus.noisy import Noisy, noise_seed
+from twin.component import Boolean, Int32, input, local, normal, output, parameter, seed_stream
 
 GRAVITY = 9.80665  # [m/s2]
 
@@ -8,7 +9,7 @@ GRAVITY = 9.80665  # [m/s2]
 WAITING, LOADING, DETECTED, LIFTED = 0, 1, 2, 3
 
 
-class Weights(Component):
+class Weights(Noisy):
     """Weights added to a box until motion of the instrument is detected, then lifted off.
 
     Al-Ahmad et al. (RACS), sections III.A and III.B: a cable from the box runs over a pulley to the instrument's tip,
@@ -56,8 +57,7 @@ class Weights(Component):
                             source="estimate: ball bearing")
     pulley_radius = parameter(0.02, "m", "radius of the pulley on the instrument", display_unit="mm", minimum=1e-3,
                               source="estimate: the paper gives the torque only")
-    seed = parameter(12, "", "seed of the weights; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")
+    seed = noise_seed(12, "the weights")
 
     action = local(WAITING, "", "what the person does, as `state`", type=Int32)
     trials = local(0, "", "trials so far", type=Int32)
@@ -68,7 +68,6 @@ class Weights(Component):
     waited = local(0.0, "s", "time since the last thing the person did")
     marked_position = local(0.0, "m", "position of the mark when the last weight had been laid", display_unit="mm")
     marked_angle = local(0.0, "rad", "angle of the mark then", display_unit="deg")
-    stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)

@@ -2,10 +2,11 @@
 
 from math import floor
 
-from twin.component import Component, Int64, input, local, normal, output, parameter, seed_stream, terminal
+from fmus.noisy import Noisy, noise_seed
+from twin.component import input, normal, output, parameter, seed_stream, terminal
 
 
-class CameraTracker(Component):
+class CameraTracker(Noisy):
     """Video camera and Tracker: planar position of the tip's tag and length of the needle, one frame old.
 
     Cheng and Law (paper B), bench setup. Noise of the tracked center, rounded to what the evaluation resolves.
@@ -29,10 +30,7 @@ class CameraTracker(Component):
                            source="estimate: Tracker finds the center of a tag to a fifth of a pixel")
     needle_bias = parameter(0.0, "m", "what the needle is seen too short by", display_unit="mm",
                             source="none; paper, Table 2, would be met on average with 0.095 mm, of unknown cause")
-    seed = parameter(11, "", "seed of the noise; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")
-
-    stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
+    seed = noise_seed(11, "the noise")
 
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)

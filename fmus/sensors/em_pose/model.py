@@ -2,10 +2,11 @@
 
 from math import cos, floor, pi, sin
 
-from twin.component import Component, Int64, input, local, normal, output, parameter, seed_stream, terminal
+from fmus.noisy import Noisy, noise_seed
+from twin.component import input, normal, output, parameter, seed_stream, terminal
 
 
-class EMPose(Component):
+class EMPose(Noisy):
     """Electromagnetic tracker on the tip of an instrument in its sheath: position in space and roll angle.
 
     NDI Aurora at 40 Hz. Path of Al-Ahmad et al. (RACS), Fig. 3E: straight along x, a bend towards y, one back, straight on.
@@ -37,10 +38,7 @@ class EMPose(Component):
     )
     angle_noise = parameter(3e-3, "rad", "standard deviation of the noise of the angle", display_unit="deg",
                             minimum=0.0, source="estimate: 0.1 to 0.3 deg")
-    seed = parameter(5, "", "seed of the noise; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")
-
-    stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
+    seed = noise_seed(5, "the noise")
 
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)

@@ -3,11 +3,10 @@
 from math import sqrt
 
 from fmus.gratings import DEGRADED, LOST, VALID
+from fmus.noisy import Noisy, noise_seed
 from twin.component import (
     Boolean,
-    Component,
     Int32,
-    Int64,
     input,
     local,
     normal,
@@ -18,7 +17,7 @@ from twin.component import (
 )
 
 
-class EMTracker(Component):
+class EMTracker(Noisy):
     """Electromagnetic tracker on the tip, along the line of motion, with a reference sampled at the same instant.
 
     NDI Aurora at 40 Hz. Both outputs are 25 ms old when published: compare them with each other, not with the present.
@@ -39,8 +38,7 @@ class EMTracker(Component):
 
     noise = parameter(0.2e-3, "m", "standard deviation of the noise", display_unit="mm", minimum=0.0,
                       source="estimate: jitter 0.1 to 0.3 mm")
-    seed = parameter(3, "", "seed of the noise; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")
+    seed = noise_seed(3, "the noise")
 
     distortion = parameter(0.0, "m", "largest error by metal near the field, where it is nearest", display_unit="mm",
                            source="0: free of metal; 1 to 5 mm beside a C-arm, estimate")
@@ -57,7 +55,6 @@ class EMTracker(Component):
     last_position = local(0.0, "m", "position measured last", display_unit="mm")
     last_reference = local(0.0, "m", "reference at that instant", display_unit="mm")
     misses = local(0, "", "samples lost in a row", type=Int32)
-    stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)

@@ -3,9 +3,9 @@
 from math import cos, log, pi, sin, sqrt
 
 from fmus.gratings import CORES, GRATINGS, TURN, nominal
+from fmus.noisy import Noisy, noise_seed
 from twin.component import (
     Boolean,
-    Component,
     Int32,
     Int64,
     input,
@@ -19,7 +19,7 @@ from twin.component import (
 )
 
 
-class Fiber(Component):
+class Fiber(Noisy):
     """Gratings in one central and three outer cores: strain and temperature shift the wavelength each reflects.
 
     FBGS fiber and FBG-Scan 908-EP of Al-Ahmad et al. (RACS); equations of Jackle et al. (2019). Twist strains no straight
@@ -73,15 +73,13 @@ class Fiber(Component):
     loss = parameter(0.0, "", "part of the samples that are lost", minimum=0.0, maximum=1.0, source="0: a bench")
     stopped = parameter(False, "", "whether the interrogator has stopped", type=Boolean,
                         source="false: a fault, set by an event")
-    seed = parameter(11, "", "seed of errors and noise; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")
+    seed = noise_seed(11, "errors and noise")
 
     cosine = local(0.0, "m", "of each core's angle, times its radius", shape=(CORES,))
     sine = local(0.0, "m", "of each core's angle, times its radius", shape=(CORES,))
     offset = local(0.0, "m", "error of each grating's reference", shape=(CORES, GRATINGS), display_unit="pm")
     reading = local(0.0, "m", "wavelengths of the last sample that was not lost", shape=(CORES, GRATINGS), display_unit="nm")
     missed = local(0, "", "samples lost in a row", type=Int64)
-    stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
     used = local(4, "", "gratings in use: count, as far as there is room", type=Int32)
 
     def initialize(self) -> None:

@@ -2,12 +2,13 @@
 
 from math import floor
 
-from twin.component import ERROR, OK, Component, Int64, input, local, normal, output, parameter, seed_stream, uniform
+from fmus.noisy import Noisy, noise_seed
+from twin.component import ERROR, OK, Int64, input, local, normal, output, parameter, seed_stream, uniform
 
 LINE = 32  # periods that a value may wait
 
 
-class ForceSensor(Component):
+class ForceSensor(Noisy):
     """Force sensor behind the wall: zero error, drift and white noise, then rounding to the sensor's resolution.
 
     ATI Nano17 SI-12-0.12, one axis. The zero error and the drift rate of a run are drawn from the seed at the start. A value
@@ -26,8 +27,7 @@ class ForceSensor(Component):
                       source="estimate: about the resolution")
     resolution = parameter(1.0 / 320.0, "N", "smallest step", display_unit="mN", minimum=1e-9,
                            source="Nano17 datasheet, recalled")
-    seed = parameter(1, "", "seed of the noise; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")
+    seed = noise_seed(1, "the noise")
 
     zero_deviation = parameter(2e-3, "N", "standard deviation of the zero error that is left when a run starts", display_unit="mN",
                                minimum=0.0, source="paper, section V.B: mean errors of 1.6 to 2.0 mN; two thirds of the resolution")
@@ -49,7 +49,6 @@ class ForceSensor(Component):
     shown = local(0.0, "N", "force behind the hysteresis")
     line = local(0.0, "N", "values of the last periods, a ring", shape=(LINE,))
     head = local(0, "", "place of the latest value in the ring", type=Int64)
-    stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)

@@ -2,9 +2,9 @@
 
 from math import floor, pi, sin
 
+from fmus.noisy import Noisy
 from twin.component import (
     Boolean,
-    Component,
     Int64,
     input,
     local,
@@ -17,7 +17,7 @@ from twin.component import (
 )
 
 
-class HallTravel(Component):
+class HallTravel(Noisy):
     """Hall sensors of the linear motors: travel of the carriages while holding, summed over strokes.
 
     Al-Ahmad et al. (RACS), sections III.C and VI. What the instrument does in the gripper, behind it and in the vessel is unseen.
@@ -53,7 +53,6 @@ class HallTravel(Component):
     added = local(0.0, "m", "what takeovers have added", display_unit="mm")
     strokes = local(0, "", "number of the stroke", type=Int64)
     missed = local(0, "", "samples missed in a row", type=Int64)
-    stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)

@@ -2,11 +2,11 @@
 
 from math import floor
 
+from fmus.noisy import Noisy, noise_seed
 from twin.component import (
     ERROR,
     OK,
     Boolean,
-    Component,
     Int64,
     input,
     local,
@@ -21,7 +21,7 @@ from twin.component import (
 LINE = 64
 
 
-class ImagePosition(Component):
+class ImagePosition(Noisy):
     """Tip position that an imaging system finds: few frames, noise, late, some frames without the tip.
 
     For ultrasound or biplane fluoroscopy as Cheng and Law (paper B) propose. The latency is whole periods, 1 to 64, else ERROR.
@@ -53,14 +53,12 @@ class ImagePosition(Component):
                       source="issue: 0.5 mm; tips in volume ultrasound, recalled: 0.5 to 2 mm")
     loss = parameter(0.05, "", "part of the frames in which the tip is not found", minimum=0.0, maximum=1.0,
                      source="estimate: a few in a hundred")
-    seed = parameter(19, "", "seed of the noise; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")
+    seed = noise_seed(19, "the noise")
 
     line = local(0.0, "m", "measured positions that wait for their latency, a ring: x, y, z, kind", shape=(LINE, 4))
     latest = local(0.0, "m", "position of the latest frame: x, y, z", shape=(3,))
     head = local(0, "", "place of the latest in the ring", type=Int64)
     frames = local(0, "", "frames taken", type=Int64)
-    stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)

@@ -6,7 +6,6 @@ from hw_bridge.bus import MILLISECOND, Frame
 from hw_bridge.dictionary import State
 from hw_bridge.fault import Cause, Fault, problem
 from hw_bridge.fault.action import ACTIONS, TO_BUS_OFF, disturbance
-from hw_bridge.fault.fault import cause
 from hw_bridge.hardware import load
 from hw_bridge.profiles import DRIVE_PROFILES, profile
 from hw_bridge.trace.watch import SHOWN
@@ -144,9 +143,6 @@ def test_tables():
         faults = profile(name).faults
         assert {profile(name).overcurrent, profile(name).encoder_error} - {None} <= set(faults)
         assert not problem(Fault(Cause.EMCY, min(faults)), profile(name))
-    assert cause("sync") is Cause.SYNC
-    with pytest.raises(SimulationError, match="no fault 'snyc'"):
-        cause("snyc")
 
 
 def test_a_fault_hits_the_frames_of_its_sender_only():

@@ -6,7 +6,7 @@ import pytest
 
 from hw_bridge.dictionary import State
 from hw_bridge.plant import Plant, bench, start_position
-from hw_bridge.plant.bench import SimulatedBench, WireBench
+from hw_bridge.plant.bench import Bench, SimulatedBench
 from tests.hw_bridge.axis import Rig, node
 
 
@@ -190,7 +190,7 @@ def test_motion_after_a_failure_is_observed(simulated):
 def test_a_real_bench_knows_only_what_its_master_tells(monkeypatch):
     monkeypatch.setattr(bench, "wire", lambda keys: ("network", keys))
     made = bench.set_up(SimpleNamespace(simulated=False), {}, None)
-    assert isinstance(made, WireBench)
+    assert type(made) is Bench
     assert made.network[0] == "network"
     assert (made.acted([1], 0), made.shown("axis"), made.report()) == ([], {}, {})
     assert made.faults_at_rest(True, ("not confirmed.",)) == ["not confirmed."]
