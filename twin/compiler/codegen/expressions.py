@@ -122,11 +122,8 @@ class ExpressionWriter(LineWriter, ast.NodeVisitor):
         name = self.temporary()
         self.emit(f"bool {name} = {self.condition(node.values[0]).text};")
         for value in node.values[1:]:
-            self.emit(f"if ({'' if isinstance(node.op, ast.And) else '!'}{name}) {{")
-            self.depth += 1
-            self.emit(f"{name} = {self.condition(value).text};")
-            self.depth -= 1
-            self.emit("}")
+            with self.block_of(f"if ({'' if isinstance(node.op, ast.And) else '!'}{name}) {{"):
+                self.emit(f"{name} = {self.condition(value).text};")
         return ExpressionCode(name)
 
     def visit_Constant(self, node: ast.Constant) -> ExpressionCode:
@@ -302,11 +299,8 @@ class ExpressionWriter(LineWriter, ast.NodeVisitor):
             name = self.temporary()
             self.emit(f"{self.needs.declare(kind, name, False)} = {self._value(node.values[0], kind).text};")
             for value in node.values[1:]:
-                self.emit(f"if ({name} {'!=' if is_and else '=='} {'0.0' if kind == REAL else '0'}) {{")
-                self.depth += 1
-                self.emit(f"{name} = {self._value(value, kind).text};")
-                self.depth -= 1
-                self.emit("}")
+                with self.block_of(f"if ({name} {'!=' if is_and else '=='} {'0.0' if kind == REAL else '0'}) {{"):
+                    self.emit(f"{name} = {self._value(value, kind).text};")
             return ExpressionCode(name)
         result = self._value(node.values[-1], kind)
         for value in reversed(node.values[:-1]):
@@ -368,12 +362,12 @@ class ExpressionWriter(LineWriter, ast.NodeVisitor):
         if self.ordered and (self.has_effect(node.body) or self.has_effect(node.orelse)):
             name = self.temporary()
             self.emit(f"{self.needs.declare(kind, name, False)};")
-            self.emit(f"if ({self.condition(node.test).text}) {{")
-            for arm, end in ((node.body, "} else {"), (node.orelse, "}")):
-                self.depth += 1
-                self.emit(f"{name} = {self._value(arm, kind).text};")
-                self.depth -= 1
-                self.emit(end)
+            with self.block_of(f"if ({self.condition(node.test).text}) {{", "} else {"):
+                self.emit(f"{name} = {self._value(node.body, kind).text};")
+            self.depth += 1
+            self.emit(f"{name} = {self._value(node.orelse, kind).text};")
+            self.depth -= 1
+            self.emit("}")
             return ExpressionCode(name)
         test = self.condition(node.test)
         a, b = self._value(node.body, kind), self._value(node.orelse, kind)

@@ -242,9 +242,8 @@ class FunctionWriter(CallWriter):
             self.depth += 1
             self.ordered = True
             stop = self.condition(node.test)
-            self.emit(f"if (!{stop.at(UNARY)}) {{")
-            self.emit("    break;")
-            self.emit("}")
+            with self.block_of(f"if (!{stop.at(UNARY)}) {{"):
+                self.emit("break;")
             self.depth -= 1
         else:
             self.emit_head(f"while ({self.condition(node.test).text}) {{", node)
