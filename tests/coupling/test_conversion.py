@@ -79,7 +79,7 @@ def test_rows_copy_blocks_of_words():
     rows = np.array(
         [[source.ctypes.data + 8, target.ctypes.data, 2], [source.ctypes.data, target.ctypes.data + 32, 1]], np.int64
     )
-    copy(rows.ctypes.data, 2)
+    copy(rows.ctypes.data, 2, 0)
     assert target.tolist() == [2, 3, 0, 0, 1, 0]
 
 

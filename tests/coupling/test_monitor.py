@@ -18,7 +18,7 @@ from twin.coupling.execution.finite_value_monitor import (
     finite_variables,
 )
 from twin.coupling.execution.loop import KINDS
-from twin.coupling.execution.value_memory import bits
+from twin.coupling.execution.value_memory import ValueMemory, bits
 
 NAN, INF = float("nan"), float("inf")
 LARGEST = float(np.finfo(np.float64).max)
@@ -183,7 +183,7 @@ def test_the_first_point_is_found_by_bisection(first, monkeypatch):
     monkeypatch.setattr(
         watch, "non_finite_members", lambda _failed="": ["a"] if float(member.values["x"]) >= first else []
     )
-    plan = SimpleNamespace(memory=SimpleNamespace(blocks=[np.array([5])]))
+    plan = SimpleNamespace(memory=ValueMemory([np.array([5])]))
     record = np.zeros(1, loop.RECORD)
     record["tick"], record["limit_count"], record["condition_count"], record["derives"] = 2, 1, 1, 1
     member.values["x"], member.log[:] = np.array(2.0), ["before"]
@@ -227,10 +227,14 @@ def test_rows_of_limits_are_those_of_values_that_cannot_be_checked_later_and_of_
     low, high = f.variables["u"].limits
     assert rows[-1] == [plan.staged["f", "u"], KINDS["f8"], 1, bits(low), bits(high)]
     assert sorted(rows[:-1]) == sorted(
-        [[400, KINDS["f8"], 3, *finite], [plan.published["f", "y"], KINDS["f8"], 1, *finite]]
+        [
+            [400, KINDS["f8"], 1, *finite],
+            [408, KINDS["f8"], 2, *finite],
+            [plan.published["f", "y"], KINDS["f8"], 1, *finite],
+        ]
     )
-    assert [watch.row(i) for i in range(3)] == [None, None, ("f", "u")]
-    assert watch.row_count == 3
+    assert [watch.row(i) for i in range(4)] == [None, None, None, ("f", "u")]
+    assert watch.row_count == 4
     finite_value_monitor.view(plan.staged["f", "u"], f.variables["u"])[:] = 2.5
     assert watch.input_note(("f", "u"), plan, 5 * MS) == (
         "f.u: 2.5 is above the maximum at t = 5 ms, for the first time. Expected -1 to 2."

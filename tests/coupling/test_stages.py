@@ -22,7 +22,6 @@ from twin.coupling.variable_step.record_layout import (
     FEED,
     FINAL,
     FIRST,
-    FIXED,
     GUESSED,
     HELD,
     MEAN,
@@ -314,7 +313,6 @@ def test_the_record_has_the_addresses_of_all_tables():
     assert regions[1][:2] == [plan.course, 4 * 3 + 3]
     assert [row[:2] for row in regions[2:]] == [[400, 20], [800, 20]]
     assert all(row[2] == row[3] for row in regions), "one slot"
-    assert made.is_fixed == (plan.algorithm.control == FIXED)
 
 
 def test_a_second_slot_and_states_by_calls():

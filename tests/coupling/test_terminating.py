@@ -6,12 +6,10 @@ import pytest
 from tests.coupling.mock import DISCARD, Mock, scalar
 from tests.coupling.test_going_back import MS, pair
 from tests.coupling.test_linear_equations import ThreeToTwo
-from tests.every_case import every_case
 from twin.compiler import machine
 from twin.component import Component, Int32, local, output
 from twin.coupling import Access, Algorithm, RecordMember
-from twin.coupling.execution.finite_value_monitor import finite_variables, merge_adjacent, value_reader
-from twin.coupling.execution.loop import KINDS
+from twin.coupling.execution.finite_value_monitor import finite_variables, value_reader
 
 
 class Quitter(Mock):
@@ -147,27 +145,6 @@ def test_values_that_a_member_refuses_are_not_judged(status, bad):
     reader = value_reader(member, [scalar("y", "output"), scalar("t", "output")])
     assert reader.is_bad() is bad
     assert journal == [(2, 2)]
-
-
-F8, I4 = KINDS["f8"], KINDS["i4"]
-
-
-@every_case(
-    ("rows", "expected"),
-    [
-        ([], []),
-        ([[16, F8, 2, 0, 1], [0, F8, 2, 0, 1]], [[0, F8, 4, 0, 1]]),
-        ([[0, F8, 2, 0, 1], [24, F8, 1, 0, 1]], [[0, F8, 2, 0, 1], [24, F8, 1, 0, 1]]),
-        (
-            [[0, F8, 1, 0, 1], [8, I4, 1, 0, 1], [12, F8, 1, 0, 1]],
-            [[0, F8, 1, 0, 1], [8, I4, 1, 0, 1], [12, F8, 1, 0, 1]],
-        ),
-        ([[0, I4, 2, 0, 1], [16, I4, 2, 0, 1]], [[0, I4, 2, 0, 1], [16, I4, 2, 0, 1]]),
-        ([[0, F8, 1, 0, 1], [8, F8, 1, 0, 1], [16, F8, 3, 0, 1]], [[0, F8, 5, 0, 1]]),
-    ],
-)
-def test_limits_of_adjacent_real_numbers_are_one_row(rows, expected):
-    assert merge_adjacent(rows) == expected
 
 
 def test_the_last_step_of_a_run_is_no_longer_than_it(build):

@@ -60,18 +60,21 @@ def same(path: Path) -> None:
     assert [one.name for one in ours.variables] == [one.name for one in theirs.modelVariables]
     for one, other in zip(ours.variables, theirs.modelVariables, strict=True):
         common = other.declaredType
+
+        def of(key, own=other, shared=common):
+            return getattr(own, key) or getattr(shared, key, None)
+
         assert (one.reference, one.type, one.causality, one.variability) == (
             other.valueReference,
             other.type,
             other.causality,
             other.variability,
         )
-        assert (one.initial, one.start, one.minimum) == (other.initial or "", other.start, other.min)
-        assert (one.maximum, one.unit, one.display_unit) == (other.max, other.unit or "", other.displayUnit or "")
-        assert one.description == (other.description or "")
+        assert (one.initial, one.start, one.minimum) == (other.initial or "", other.start, of("min"))
+        assert (one.maximum, one.unit, one.display_unit) == (of("max"), of("unit") or "", of("displayUnit") or "")
+        assert one.description == (of("description") or "")
         assert tuple(size.start for size in one.dimensions) == other.shape
-        assert [name for name, _ in one.common.items] == [item.name for item in getattr(common, "items", [])]
-        assert one.common.unit == (getattr(common, "unit", None) or "")
+        assert [name for name, _ in one.items] == [item.name for item in getattr(common, "items", [])]
     unknowns = {one.variable.name: one.dependencies for one in (*theirs.outputs, *theirs.initialUnknowns)}
     assert ours.dependencies == {
         name: None if known is None else tuple(one.name for one in known if one.causality == "input")
@@ -79,8 +82,11 @@ def same(path: Path) -> None:
     }
     for unit, other in zip(ours.units, theirs.unitDefinitions, strict=True):
         base = other.baseUnit
-        assert unit.factor == (None if base is None else base.factor)
-        assert base is None or unit.exponents == (base.kg, base.m, base.s, base.A, base.K, base.mol, base.cd, base.rad)
+        assert (unit.size is None) == (base is None)
+        if base is not None:
+            assert unit.size.factor == base.factor
+            powers = base.kg, base.m, base.s, base.A, base.K, base.mol, base.cd, base.rad
+            assert unit.size.exponents == powers
         assert [name for name, *_ in unit.displays] == [one.name for one in other.displayUnits]
 
 

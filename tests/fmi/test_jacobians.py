@@ -1,6 +1,6 @@
 """Linearized FMUs: from directional derivatives of each, through the connections, and by parameters along a simulation."""
 
-from types import SimpleNamespace
+from types import MethodType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ from tests.fmi.linear_member import LinearMember, link, real
 from twin.coupling import MemberVariable
 from twin.fmi.fmi_version import FMI2, FMI3
 from twin.fmi.importing.c_functions import CallError, MissingFunctionError
+from twin.fmi.importing.calls import FmuCalls
 from twin.fmi.importing.directional_derivatives import elements, slopes
 from twin.fmi.model_description import Continuous
 from twin.fmi.model_exchange.sensitivity import Sensitivity, watched
@@ -39,13 +40,15 @@ def fmu(version, rows, columns, variables, failure=None, offers=True, states=(10
             change[i] = value
 
     structure = Continuous(states, derivatives, 0, False)
-    return SimpleNamespace(
+    made = SimpleNamespace(
         capabilities={"providesDirectionalDerivatives": offers},
         variables={one.name: one for one in variables},
         instance=7,
         _unpacked=SimpleNamespace(fmi=version, description=SimpleNamespace(continuous=structure)),
         _loaded=SimpleNamespace(call=call),
     )
+    made.directional_derivative = MethodType(FmuCalls.directional_derivative, made)
+    return made
 
 
 def array(name, causality, references, size):

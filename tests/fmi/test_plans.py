@@ -9,7 +9,7 @@ from tests.every_case import every_case
 from tests.fmi.linear_member import real
 from twin.compiler import machine
 from twin.errors import FMUError, SimulationError
-from twin.fmi.simulation import SimulationPlan, choose, dividing_step, exact, loop, plan
+from twin.fmi.simulation import SimulationPlan, Stepping, choose, dividing_step, exact, plan
 from twin.fmi.variables import Experiment
 
 MS = 1_000_000
@@ -165,7 +165,7 @@ class Stepped:
         outcome = SimpleNamespace(notes=[])
         self.fed, self.progress = [], []
         self.times = [own.start]
-        loop(self, own, feed=self.fed.append, sampler=self, outcome=outcome, progress=self.progress.append)
+        Stepping(self, own, self.fed.append).run(self, outcome, self.progress.append)
         return outcome.notes
 
 

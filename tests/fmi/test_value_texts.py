@@ -5,6 +5,7 @@ import pytest
 from lxml import etree
 
 from tests.every_case import every_case
+from twin.component.unit import Unit
 from twin.coupling import MemberVariable
 from twin.errors import FMUError
 from twin.fmi import csv_tables, model_description, units, values
@@ -191,10 +192,10 @@ LENGTH, TEMPERATURE = (0, 1, 0, 0, 0, 0, 0, 0), (0, 0, 0, 0, 1, 0, 0, 0)
 def test_units_with_another_meaning_get_it_written_behind_them():
     """`m` is a metre; an FMU's `m` of 2 m is not; a display unit is `factor * value + offset` of its unit."""
     declared = [
-        DeclaredUnit("m", 1.0, 0.0, LENGTH, (("mm", 1000.0, 0.0), ("N", 0.5, 0.0), ("zero", 0.0, 0.0))),
-        DeclaredUnit("s", 2.0, 0.0, LENGTH, ()),
-        DeclaredUnit("K", 1.0, 0.0, TEMPERATURE, (("A", 1.0, -273.15),)),
-        DeclaredUnit("kg", None, 0.0, (), (("mm", 4.0, 0.0),)),
+        DeclaredUnit("m", Unit(1.0, 0.0, LENGTH), (("mm", 1000.0, 0.0), ("N", 0.5, 0.0), ("zero", 0.0, 0.0))),
+        DeclaredUnit("s", Unit(2.0, 0.0, LENGTH), ()),
+        DeclaredUnit("K", Unit(1.0, 0.0, TEMPERATURE), (("A", 1.0, -273.15),)),
+        DeclaredUnit("kg", None, (("mm", 4.0, 0.0),)),
     ]
     found = units.names(declared)
     assert found == {
@@ -231,7 +232,7 @@ def test_nothing_is_shown_in_a_display_unit_of_the_inverse():
 
 def test_units_of_differences_have_no_offset():
     """5 K of a temperature difference are 5 degC, not -268.15 degC."""
-    found = units.names([DeclaredUnit("K", 1.0, 0.0, TEMPERATURE, (("degC", 1.0, -273.15), ("mK", 1000.0, 0.0)))])
+    found = units.names([DeclaredUnit("K", Unit(1.0, 0.0, TEMPERATURE), (("degC", 1.0, -273.15), ("mK", 1000.0, 0.0)))])
     for given, expected in (("degC", "degC {1.0 K + 0.0}"), ("mK", "mK"), ("", ""), ("flubs", "flubs")):
         one = units.named(variable("Float64", unit="K", display_unit=given), found, is_relative=True)
         assert (one.unit, one.display_unit) == ("K", expected)
@@ -245,4 +246,6 @@ def test_units_of_differences_have_no_offset():
 )
 def test_a_difference_is_declared_by_the_variable_or_by_its_type(own, of_type, expected):
     element, type_element = (etree.Element("x", {"relativeQuantity": text} if text else {}) for text in (own, of_type))
-    assert model_description.is_relative(element, model_description.common(type_element, "").is_relative) is expected
+    assert (
+        model_description.is_relative(element, model_description.is_relative(type_element, default=False)) is expected
+    )

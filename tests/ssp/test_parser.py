@@ -6,7 +6,7 @@ from tests.ssp.parts import HEAD, UNITS, bindings, component, connection, connec
 from twin.errors import ScenarioError
 from twin.ssp import parser
 from twin.ssp.document import SCHEMA_MESSAGE, SSD, SSV, parse_root
-from twin.ssp.model import End, Linear, Messages, ValueTable
+from twin.ssp.model import End, Linear, Messages, ValueTable, resolve_unit
 from twin.ssp.package import drop_duplicates, open_package
 from twin.ssp.parser import SspParser
 
@@ -106,8 +106,8 @@ def test_units_are_those_of_the_file(read):
     )
     own = read()
     units = own.units(parse_root(f"<a {HEAD}>{text}</a>".encode(), "x"), "s", SSD)
-    assert [units.text(name) for name in ("mm", "m", "N", None)] == ["mm", "m", "N", None]
-    assert units.text("s") == "s {2.0 m + 0.0}"
+    shown = [resolve_unit(units, {"unit": name}, "x:1", []) for name in ("mm", "m", "N", None, "s")]
+    assert shown == ["mm", "m", "N", None, "s {2.0 m + 0.0}"]
     assert read.messages.problems == ["s:5: unit `mm` is defined twice. Keep one."]
 
 

@@ -99,25 +99,20 @@ class DeclarationSiteFinder:
 
     def find(self) -> DeclarationSites:
         """The decisions."""
-        loops = [n for n in walk(self.tree) if isinstance(n, ast.For)]
+        loops = [n for n in walk(self.tree) if isinstance(n, ast.For) and id(n) in self.ranges]
         names = [name for name in self.uses if name in self.stored and name not in self.parameters]
         for name in names:
-            counted = [
-                n for n in loops if isinstance(n.target, ast.Name) and n.target.id == name and id(n) in self.ranges
-            ]
-            if counted and name not in self.sites.read and len(counted) == len(self.uses[name]):
+            own = [n for n in loops if isinstance(n.target, ast.Name) and n.target.id == name]
+            if own and name not in self.sites.read and len(own) == len(self.uses[name]):
                 continue  # a counter that is never read outside its loops
-            if self._is_counter(name, loops):
+            if own and self._is_counter(name, own):
                 self.sites.counters.add(name)
             else:
                 self._assign_site(name)
         return self.sites
 
-    def _is_counter(self, name: str, loops: list[ast.For]) -> bool:
+    def _is_counter(self, name: str, own: list[ast.For]) -> bool:
         """Whether a name is only a loop counter and is never read outside of its loops."""
-        own = [n for n in loops if isinstance(n.target, ast.Name) and n.target.id == name and id(n) in self.ranges]
-        if not own:
-            return False
         inside: set[int] = set()
         for loop in own:
             body = {id(n) for statement in loop.body for n in walk(statement)}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
+from typing import Any, TypeVar
 
 # values of a variable: fmi3GetXXX, fmi3SetXXX and functions of this project; FMI 2.0's have no number of values
 ACCESS = ctypes.CFUNCTYPE(
@@ -29,65 +30,32 @@ STEP_2 = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_double, ctyp
 STEP_COMPONENT = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_double, ctypes.c_double)
 FMI3, FMI2, COMPONENT = range(3)  # which of these a step function is
 
-
-def read64(address: int) -> int:
-    """The 64-bit word at an address."""
-    return ctypes.c_int64.from_address(int(address)).value
+T = TypeVar("T")
 
 
-def write64(address: int, value: int) -> None:
-    """Store a 64-bit word."""
-    ctypes.c_int64.from_address(int(address)).value = int(value)
+def address_of(function: Any) -> int:
+    """Return the address of a native function or of a callback."""
+    return ctypes.cast(function, ctypes.c_void_p).value or 0
 
 
-def read32(address: int) -> int:
-    """The 32-bit word at an address."""
-    return ctypes.c_int32.from_address(int(address)).value
+def word_access(kind: Any, convert: Callable[[Any], T]) -> tuple[Callable[[int], T], Callable[[int, T], None]]:
+    """Return the functions that read and write a number of a C type at an address."""
+
+    def read(address: int) -> T:
+        return convert(kind.from_address(int(address)).value)
+
+    def write(address: int, value: T) -> None:
+        kind.from_address(int(address)).value = convert(value)
+
+    return read, write
 
 
-def write32(address: int, value: int) -> None:
-    """Store a 32-bit word."""
-    ctypes.c_int32.from_address(int(address)).value = int(value)
-
-
-def read16(address: int) -> int:
-    """The 16-bit word at an address."""
-    return ctypes.c_int16.from_address(int(address)).value
-
-
-def write16(address: int, value: int) -> None:
-    """Store a 16-bit word."""
-    ctypes.c_int16.from_address(int(address)).value = int(value)
-
-
-def read8(address: int) -> int:
-    """The byte at an address."""
-    return ctypes.c_int8.from_address(int(address)).value
-
-
-def write8(address: int, value: int) -> None:
-    """Store a byte."""
-    ctypes.c_int8.from_address(int(address)).value = int(value)
-
-
-def read_float(address: int) -> float:
-    """The Float64 at an address."""
-    return ctypes.c_double.from_address(int(address)).value
-
-
-def write_float(address: int, value: float) -> None:
-    """Store a Float64."""
-    ctypes.c_double.from_address(int(address)).value = float(value)
-
-
-def read_float32(address: int) -> float:
-    """The Float32 at an address."""
-    return ctypes.c_float.from_address(int(address)).value
-
-
-def write_float32(address: int, value: float) -> None:
-    """Store a Float32, rounded to nearest."""
-    ctypes.c_float.from_address(int(address)).value = float(value)
+read64, write64 = word_access(ctypes.c_int64, int)
+read32, write32 = word_access(ctypes.c_int32, int)
+read16, write16 = word_access(ctypes.c_int16, int)
+read8, write8 = word_access(ctypes.c_int8, int)
+read_float, write_float = word_access(ctypes.c_double, float)
+read_float32, write_float32 = word_access(ctypes.c_float, float)  # rounded to nearest
 
 
 def call_access(function: int, instance: int, references: int, count: int, values: int, size: int) -> int:

@@ -12,7 +12,7 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from twin.compiler import libm, linkers, zig
+from twin.compiler import libm, linkers, machine, zig
 from twin.compiler.platforms import BARE, LIBM, PLATFORMS, host
 from twin.errors import BuildError
 from twin.process import cores
@@ -125,7 +125,7 @@ def load(name: str, objects: Sequence[bytes], build: Path, symbols: tuple[str, .
             raise BuildError(
                 f"{path}: cannot be loaded: {error}. Give --build a folder that programs may run in."
             ) from None
-    return tuple(ctypes.cast(library[symbol], ctypes.c_void_p).value or 0 for symbol in symbols)
+    return tuple(machine.address_of(library[symbol]) for symbol in symbols)
 
 
 def in_order(tasks: Iterable[Callable[[], T]]) -> Iterator[T]:

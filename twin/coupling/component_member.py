@@ -12,9 +12,9 @@ import numpy as np
 
 from twin import compiler
 from twin.compiler import dependencies, machine
-from twin.component import Component, PythonComponent, Role, Variable, evaluation, resampled, solver
+from twin.component import Component, PythonComponent, Role, Variable, evaluation, resampled
 from twin.coupling.member import Access, Member, MemberVariable, StateAccess, TerminalMember
-from twin.errors import CouplingError, SimulationError, TwinError, described
+from twin.errors import CouplingError, SimulationError, described
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -124,8 +124,7 @@ class RecordMember(Member):
             self.concurrent = True
         else:
             self._initialize = self.component.start  # type: ignore[assignment]
-            self._callback = machine.STEP(self._step)
-            self.step_function = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
+            self.step_by(self._step)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle for another process, not yet initialized; `load` must be called there next."""
@@ -149,12 +148,7 @@ class RecordMember(Member):
         return lambda t: int(function(self.instance, t))
 
     def _step(self, _instance: int, t: float, h: float, *_: int) -> int:
-        try:
-            return self.component.advance(t, h)
-        except BaseException as error:  # also KeyboardInterrupt: no exception may pass through native frames
-            self.failure = error
-            self.log.append(str(error) if isinstance(error, TwinError) else described(error))
-            return solver.ERROR
+        return self.component.advance(t, h)
 
     def instantiate(self) -> None:
         """No-op: the component was created with its start values."""

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
     from pathlib import Path
 
+    from twin.coupling.execution.recorder import Columns
     from twin.coupling.member import Member
 
 CHUNK_SECONDS = 0.1  # wall-clock length of one native call [s]: latency of Ctrl-C and of the progress bar
@@ -226,12 +227,11 @@ class CoSimulation(StepFailures):
             if self._logs is not None:
                 self._logs.connect(self.state)
         count = None if stop is None else (stop - self._begin) // self.every + 2
-        columns = [(key, first, self.members[key[0]].variables[key[1]]) for key, first, _ in plan.columns]
         self._threads = step_threads.start(
             plan, self._tables, self.members, self._record, self._thread_limit, self._build
         )
         calls = plan.calls(self._tables.arrays) | self._threads.calls
-        self.recorder.open(RowLayout(*counted, plan.row_words, columns, calls, count))
+        self.recorder.open(RowLayout(*counted, plan.row_words, self._columns(), calls, count))
         self._ready = True
         self.recorder.note("")
         self._limits, self._scalar = self.watch.rows(plan), np.zeros(1)
@@ -335,10 +335,8 @@ class CoSimulation(StepFailures):
     def value(self, key: Key) -> np.ndarray[Any, Any]:
         """Return a variable as published at the communication point reached: never ahead of it, also for slow members."""
         variable = self.members[key[0]].variables[key[1]]
-        if key in self.plan.published:
-            return view(self.plan.published[key], variable).copy().reshape(variable.shape)
-        if key in self.plan.staged:
-            return view(self.plan.staged[key], variable).copy().reshape(variable.shape)
+        if address := self.plan.published.get(key) or self.plan.staged.get(key):
+            return view(address, variable).copy().reshape(variable.shape)
         return np.asarray(self.members[key[0]].get(key[1]))
 
     def set(self, key: Key, value: Any) -> None:
@@ -356,7 +354,7 @@ class CoSimulation(StepFailures):
             self._variable_step.forget()
 
     def override(self, key: Key, value: Any, element: int | None = None) -> None:
-        """Replace an output for all its readers, or an input for its member, by `value` from now on.
+        """Replace an output for all its readers, or an input for its member, by `value` from now on; None: no longer.
 
         `element`: only this element of an output in `split`, counted from 0.
         """
@@ -365,18 +363,15 @@ class CoSimulation(StepFailures):
         if element is not None:
             self._overrides.set_element(key, element, value)
             return
-        self._overrides.set(key, value)
+        if value is None:
+            self._overrides.release(key)
+        else:
+            self._overrides.set(key, value)
         self._tables.merge_records(self.state)
 
     def release(self, key: Key, element: int | None = None) -> None:
         """End an override."""
-        self._forget()
-        self.members[key[0]].override(key[1], None, element)
-        if element is not None:
-            self._overrides.set_element(key, element, None)
-            return
-        self._overrides.release(key)
-        self._tables.merge_records(self.state)
+        self.override(key, None, element)
 
     def recording(self) -> RecordedSignals:
         """Return the decoded recording until now."""
@@ -386,8 +381,11 @@ class CoSimulation(StepFailures):
         if self._last is not None:
             words = words[words[:, 0] <= self._last]
         time = (self.state["begin_ns"] + words[:, 0] * self.state["step_ns"]) / self.state["per_second"]
-        columns = [(key, first, self.members[key[0]].variables[key[1]]) for key, first, _ in self.plan.columns]
-        return RecordedSignals(time, decode_rows(words, columns))
+        return RecordedSignals(time, decode_rows(words, self._columns()))
+
+    def _columns(self) -> Columns:
+        """Return the columns of a row."""
+        return [(key, first, self.members[key[0]].variables[key[1]]) for key, first, _ in self.plan.columns]
 
     def terminate(self) -> None:
         """Close all members, in any state."""

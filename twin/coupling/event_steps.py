@@ -13,7 +13,7 @@ import numpy as np
 
 from twin import clock
 from twin.coupling.execution import loop
-from twin.coupling.execution.value_memory import bits
+from twin.coupling.execution.value_memory import NEVER, bits
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from twin.coupling.events import Events
     from twin.coupling.member import Member
 
-NEVER = 1 << 62  # communication points between two rows
 CHANGED = ("begin_ns", "step_ns", "per_second", "every", "condition_count")  # fields of the record for a part of a step
 
 

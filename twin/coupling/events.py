@@ -10,7 +10,6 @@ The loop calls this like `fmiNGetXXX`, by a row at the end of its operations; a 
 
 from __future__ import annotations
 
-import ctypes
 from typing import TYPE_CHECKING, Any, Protocol
 
 from twin import clock
@@ -151,7 +150,7 @@ class Events:
         self._rows: dict[str, list[tuple[str, int]]] = {}
         self._objects = [link for link in inside if not link.source.variable.connectable]
         self._callback = machine.ACCESS(self._call)
-        self.address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
+        self.address = machine.address_of(self._callback)
         self.failure: BaseException | None = None
         self.now: clock.Time = 0  # time of the last event [ns]
         self.goes_on = False  # whether the step in progress was split before
@@ -274,8 +273,8 @@ class Events:
         """Move the values of all connections to a member into its inputs."""
         for table, row in self._rows.get(member.name, ()):
             array = self._arrays[table]
-            move = loop.copy if table == "copies" else convert
-            move(int(array.ctypes.data) + row * array.strides[0], 1)
+            move = loop.copy if table == "copies" else loop.convert
+            move(int(array.ctypes.data) + row * array.strides[0], 1, 0)
         for link in self._objects:
             if link.target.member == member.name:
                 source, target = link.source, link.target
@@ -284,8 +283,3 @@ class Events:
                 target_values[target.first : target.first + target.size] = source_values[
                     source.first : source.first + source.size
                 ]
-
-
-def convert(row: int, count: int) -> None:
-    """Run conversion rows as the loop does."""
-    loop.convert(row, count, 0)

@@ -96,6 +96,12 @@ class MemberVariable:
         """Number of scalars."""
         return prod(self.shape)
 
+    def index_of(self, element: str) -> int | None:
+        """Return the index of an element `2,1`, counted from 1, in the flat values; None if it is outside of the shape."""
+        index = [int(part) - 1 for part in element.split(",")]
+        is_inside = len(index) == len(self.shape) and all(0 <= i < n for i, n in zip(index, self.shape, strict=True))
+        return int(np.ravel_multi_index(index, self.shape)) if is_inside else None
+
     @property
     def connectable(self) -> bool:
         """Whether the loop moves its values: numbers and Booleans, not strings and binaries."""
@@ -180,13 +186,7 @@ class Access:
     size: int  # number of values
     name: str = "access"  # of the function, for crash reports
     takes_size: bool = True  # whether the number of values is an argument: false for FMI 2.0
-
-    @staticmethod
-    def from_callback(callback: Any, variables: Sequence[MemberVariable]) -> Access:
-        """Return the call of a `machine.ACCESS` callback, which must outlive it, for these variables."""
-        references = np.array([variable.references[0] for variable in variables], np.uint32)
-        function = ctypes.cast(callback, ctypes.c_void_p).value or 0
-        return Access(function, references, len(variables), sum(variable.size for variable in variables))
+    callback: Any = None  # of a call into Python
 
     @property
     def size_argument(self) -> int:
@@ -212,6 +212,21 @@ class StateAccess:
     get: int = 0
     set: int = 0
     pointer_addresses: tuple[int, ...] = ()
+    keep_alive: tuple[Any, ...] = ()  # callbacks and pointers
+
+    @staticmethod
+    def from_callbacks(
+        get: Callable[..., int], set_: Callable[..., int], pointers: Sequence[ctypes.c_void_p]
+    ) -> StateAccess:
+        """Return the access by Python functions with the signature of `fmiNGetFMUState` and `fmiNSetFMUState`."""
+        callbacks = machine.STATE(get), machine.STATE(set_)
+        get_address, set_address = map(machine.address_of, callbacks)
+        return StateAccess(
+            get=get_address,
+            set=set_address,
+            pointer_addresses=tuple(map(ctypes.addressof, pointers)),
+            keep_alive=(*callbacks, *pointers),
+        )
 
 
 class Member(ABC):
@@ -337,26 +352,54 @@ class Member(ABC):
             raise CouplingError(f"{self.name}: can be brought back to one point only, since it is isolated.")
         saved: list[Any] = []
 
-        def guarded(call: Callable[[], object]) -> int:
+        def get(_instance: int, address: int) -> None:
+            machine.write64(address, address)
+            saved[:] = [self.save()]
+
+        def back(_instance: int, _state: int) -> None:
+            self.restore(saved[0])
+
+        self._state_access = StateAccess.from_callbacks(self.guarded(get), self.guarded(back), [ctypes.c_void_p()])
+        return self._state_access
+
+    # functions that native code calls
+
+    def guarded(self, call: Callable[..., int | None]) -> Callable[..., int]:
+        """Wrap a callback: log and store its exception, since none may pass through native frames."""
+
+        def called(*arguments: Any) -> int:
             try:
-                call()
-            except Exception as error:  # no exception may pass through native frames
+                return call(*arguments) or solver.OK
+            except BaseException as error:  # also Ctrl-C
+                self.failure = error
                 self.log.append(str(error) if isinstance(error, TwinError) else described(error))
                 return solver.ERROR
-            return solver.OK
 
-        def get(_instance: int, address: int) -> int:
-            ctypes.c_void_p.from_address(address).value = address
-            return guarded(lambda: saved.__setitem__(slice(None), [self.save()]))
+        return called
 
-        def back(_instance: int, _state: int) -> int:
-            return guarded(lambda: self.restore(saved[0]))
+    def step_by(self, step: Callable[..., int]) -> None:
+        """Let a Python function make the steps."""
+        self._callback = machine.STEP(self.guarded(step))
+        self.step_function = machine.address_of(self._callback)
 
-        self._state_callbacks = machine.STATE(get), machine.STATE(back), ctypes.c_void_p()
-        addresses = [ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in self._state_callbacks[:2]]
-        return StateAccess(
-            get=addresses[0], set=addresses[1], pointer_addresses=(ctypes.addressof(self._state_callbacks[2]),)
-        )
+    def slot_access(
+        self, slots: Sequence[Any], write: bool, on_written: Callable[[Any], object] = lambda _slot: None
+    ) -> Access:
+        """Return a call that copies values between memory and slots of this process, which have `variable` and `values`."""
+
+        def move_values(_instance: int, _references: int, _count: int, address: int, _size: int) -> None:
+            for slot in slots:
+                own = slot.values.ctypes.data
+                target, source = (own, address) if write else (address, own)
+                ctypes.memmove(target, source, slot.values.nbytes)
+                address += slot.values.nbytes
+                if write:
+                    on_written(slot)
+
+        callback = machine.ACCESS(self.guarded(move_values))
+        references = np.array([slot.variable.references[0] for slot in slots], np.uint32)
+        size = sum(slot.variable.size for slot in slots)
+        return Access(machine.address_of(callback), references, len(slots), size, callback=callback)
 
     @abstractmethod
     def close(self) -> None:

@@ -97,9 +97,8 @@ def find(path: str, catalog: Catalog) -> Reference:
     element = terminals.ELEMENT.fullmatch(name)
     if element and element[1] in variables:
         variable = variables[element[1]]
-        index = tuple(int(i) - 1 for i in element[2].split(","))
-        if len(index) == len(variable.shape) and all(0 <= i < n for i, n in zip(index, variable.shape, strict=True)):
-            return Reference(member, variable, int(np.ravel_multi_index(index, variable.shape)), 1)
+        if (index := variable.index_of(element[2])) is not None:
+            return Reference(member, variable, index, 1)
         raise CouplingError(f"{path!r}: {element[1]} has shape {list(variable.shape)}, elements count from 1.")
     names = [*variables, *terminals.names(variables)]
     raise CouplingError(f"{path!r}: {member} has no variable {name!r}. {nearest(name, names)}")

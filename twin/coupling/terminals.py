@@ -126,11 +126,9 @@ def index_problems(terminal: ConnectedTerminal) -> list[str]:
         return []
     if not arrays:
         return [f"{terminal.path}: none of its variables is an array. Leave the brackets out."]
-    index = [int(part) for part in terminal.index[1:-1].split(",")]
     for variable in arrays:
-        shape = variable.shape
-        if len(index) != len(shape) or not all(1 <= i <= n for i, n in zip(index, shape, strict=True)):
-            return [f"{terminal.path}: {variable.name} has shape {list(shape)}, elements count from 1."]
+        if variable.index_of(terminal.index[1:-1]) is None:
+            return [f"{terminal.path}: {variable.name} has shape {list(variable.shape)}, elements count from 1."]
     return []
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from twin.coupling.cosimulation import compiled_loop
 from twin.coupling.execution import loop
-from twin.coupling.execution.value_memory import ValueMemory, bits, kind
+from twin.coupling.execution.value_memory import NEVER, ValueMemory, bits, kind
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from twin.coupling.cosimulation import CoSimulation
     from twin.coupling.member import Member
-
-NEVER = 1 << 62  # communication points between two rows: no recording
 
 
 class Transfer:

@@ -23,6 +23,7 @@ from twin.fmi.importing.unpacked import Unpacked, digest, suffix
 from twin.process import PREFIX, process_identity, temporary_folder_for
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from typing import IO
 
 FILES = 20_000  # largest number of entries; each takes up to a millisecond to write and to remove
@@ -207,13 +208,18 @@ def find_binary(path: Path, description: xml_checks.Description, entries: dict[s
     binary = f"binaries/{folder}/{description.identifier}{suffix(platform)}"
     if binary in entries:
         return binary
-    others = sorted({matched[1] for name in entries if (matched := re.fullmatch(r"binaries/([^/]+)/[^/]+", name))})
+    others = platform_folders(entries)
     if folder in others:
         raise FMUError(f"{path}: {binary} is missing. The library must be named like modelIdentifier.")
     if not description.is_fmi1 and any(name.startswith("sources/") for name in entries):
         return binary
     has = f"only {', '.join(others)}" if others else "no binaries"
     raise FMUError(f"{path}: has {has}, none for {folder}. Export it for this platform.")
+
+
+def platform_folders(entries: Iterable[str]) -> list[str]:
+    """Folders of libraries, by platform."""
+    return sorted({matched[1] for name in entries if (matched := re.fullmatch(r"binaries/([^/]+)/[^/]+", name))})
 
 
 def read_sources(archive: zipfile.ZipFile, entries: dict[str, zipfile.ZipInfo]) -> dict[str, bytes]:

@@ -73,6 +73,11 @@ class Inputs:
         mixed: np.ndarray[Any, Any] = here + share * (column.rows[row + 1] - here)
         return mixed
 
+    def value(self, column: InputColumn, t: float) -> Any:
+        """Value of a column at a time [s], a scalar as itself."""
+        flat = self.at(column, t)
+        return flat if column.variable.shape else flat[0]
+
 
 def read_inputs(path: Path, member: FMUMember) -> Inputs:
     """Read and check a table of inputs; every defect is one error with file and line."""

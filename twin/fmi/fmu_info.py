@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -70,5 +69,5 @@ def outline(path: str | Path) -> Outline:
 
 def platforms(entries: Mapping[str, object]) -> tuple[str, ...]:
     """Where its libraries run, as its folders say."""
-    folders = sorted({matched[1] for name in entries if (matched := re.fullmatch(r"binaries/([^/]+)/[^/]+", name))})
+    folders = archive.platform_folders(entries)
     return (*folders, "C sources") if any(name.startswith("sources/") for name in entries) else tuple(folders)

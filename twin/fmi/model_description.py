@@ -39,37 +39,16 @@ FIXED = {"parameter", "calculatedParameter", "structuralParameter"}  # in FMI 3.
 FLOATS = {"Real", "Float64", "Float32"}
 BOUNDLESS = {"Boolean", "String", "Binary", "Clock"}
 
-CAPABILITIES = (  # of FMI 3.0, then those that FMI 2.0 alone has
-    "needsExecutionTool",
+CAPABILITIES = (  # those that a run depends on
     "canBeInstantiatedOnlyOncePerProcess",
     "canGetAndSetFMUState",
     "canSerializeFMUState",
     "providesDirectionalDerivatives",
-    "providesAdjointDerivatives",
-    "providesPerElementDependencies",
     "canHandleVariableCommunicationStepSize",
     "canInterpolateInputs",
-    "providesIntermediateUpdate",
     "mightReturnEarlyFromDoStep",
-    "canReturnEarlyAfterIntermediateUpdate",
     "hasEventMode",
-    "providesEvaluateDiscreteStates",
-    "canRunAsynchronuously",
-    "canNotUseMemoryManagementFunctions",
 )
-
-
-@dataclass(frozen=True, slots=True)
-class DeclaredType:
-    """A type definition: defaults of the attributes of its variables. `items`: (name, value) of an enumeration."""
-
-    unit: str = ""
-    display_unit: str = ""
-    description: str = ""
-    minimum: str | None = None
-    maximum: str | None = None
-    items: tuple[tuple[str, str], ...] = ()
-    is_relative: bool = False  # a difference: its unit has no offset
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +61,10 @@ class Dimension:
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """A variable. `type` is FMI's; numbers are texts as they are written; `alias_of` is the name it is an alias of."""
+    """A variable, with the defaults of its type. `type` is FMI's; numbers are texts as they are written.
+
+    `alias_of`: the name it is an alias of; `items`: (name, value) of an enumeration; `is_relative`: it is a difference.
+    """
 
     name: str
     reference: int
@@ -96,7 +78,7 @@ class Declared:
     description: str
     minimum: str | None
     maximum: str | None
-    common: DeclaredType
+    items: tuple[tuple[str, str], ...] = ()
     dimensions: tuple[Dimension, ...] = ()
     alias_of: str = ""
     is_relative: bool = False
@@ -104,15 +86,13 @@ class Declared:
 
 @dataclass(frozen=True, slots=True)
 class DeclaredUnit:
-    """A unit in base units, or by its name alone (no `factor`); display units are (name, factor, offset).
+    """A unit in base units, or by its name alone (no `size`); display units are (name, factor, offset).
 
     Factor 0: of the inverse, as min/km of m/s, in which nothing is shown.
     """
 
     name: str
-    factor: float | None
-    offset: float
-    exponents: tuple[int, ...]  # of `unit.BASE`
+    size: units.Unit | None
     displays: tuple[tuple[str, float, float], ...]
 
 
@@ -171,8 +151,11 @@ def read(fmi: FmiVersion, root: Any, tag: str = "CoSimulation") -> ModelDescript
         root.find("ModelExchange") is not None,
     )
     definitions = [element for element in root.iterfind(fmi.type_definitions) if isinstance(element.tag, str)]
-    named_types = map(fmi2_type if fmi == FMI2 else fmi3_type, definitions)
-    types = {name: declared_type for name, declared_type in named_types if name}
+    types = {  # definition and description
+        name: (type_definition(fmi, element), element.get("description", ""))
+        for element in definitions
+        if element.tag != "ClockType" and (name := element.get("name"))
+    }
     elements = [element for element in root.find("ModelVariables") if isinstance(element.tag, str)]
     sizes = {element.get("valueReference", "").strip(): element for element in elements} if fmi == FMI3 else {}
     bare = [variable(fmi, element, types, sizes) for element in elements]
@@ -227,23 +210,9 @@ def capabilities(fmi: FmiVersion, interface: Any) -> dict[str, bool]:
     return {name: interface.get(fmi.capability_names.get(name, name)) in TRUE for name in CAPABILITIES}
 
 
-def fmi2_type(element: Any) -> tuple[str, DeclaredType]:
-    """Read a SimpleType; its first element defines the type."""
-    first = next((child for child in element if isinstance(child.tag, str)), element)
-    return element.get("name", ""), common(first, element.get("description", ""))
-
-
-def fmi3_type(element: Any) -> tuple[str, DeclaredType]:
-    """A Float64Type and the like; clocks have no types that a run needs."""
-    name = element.get("name", "") if element.tag != "ClockType" else ""
-    return name, common(element, element.get("description", ""))
-
-
-def common(element: Any, description: str) -> DeclaredType:
-    """What a type says of its variables."""
-    items = tuple((entry.get("name", ""), entry.get("value", "")) for entry in element.findall("Item"))
-    texts = element.get("unit", ""), element.get("displayUnit", ""), description
-    return DeclaredType(*texts, element.get("min"), element.get("max"), items, is_relative(element, default=False))
+def type_definition(fmi: FmiVersion, element: Any) -> Any:
+    """Return the element with the attributes of a type: FMI 2.0 has it inside of SimpleType."""
+    return next((child for child in element if isinstance(child.tag, str)), element) if fmi == FMI2 else element
 
 
 def is_relative(element: Any, default: bool) -> bool:
@@ -252,7 +221,7 @@ def is_relative(element: Any, default: bool) -> bool:
     return default if text is None else text in ("true", "1")
 
 
-def variable(fmi: FmiVersion, element: Any, types: dict[str, DeclaredType], sizes: dict[str, Any]) -> Declared:
+def variable(fmi: FmiVersion, element: Any, types: dict[str, tuple[Any, str]], sizes: dict[str, Any]) -> Declared:
     """A variable from its element."""
     value = element if fmi == FMI3 else next(child for child in element if child.tag in fmi.types)
     name, kind = element.get("name"), value.tag
@@ -270,8 +239,11 @@ def variable(fmi: FmiVersion, element: Any, types: dict[str, DeclaredType], size
     if declared_type is not None and declared_type not in types:
         raise ValueError(f'{location} has declaredType="{declared_type}", which is not defined')
     holder = element.find("Start") if kind in ("String", "Binary") and fmi == FMI3 else None
-    measures = kind in FLOATS
-    common_type = types[declared_type] if declared_type is not None else NO_TYPE
+    definition, about = (value, "") if declared_type is None else types[declared_type]
+
+    def attribute(key: str) -> Any:
+        return value.get(key) or definition.get(key)
+
     return Declared(
         name,
         int(element.get("valueReference")),
@@ -280,18 +252,15 @@ def variable(fmi: FmiVersion, element: Any, types: dict[str, DeclaredType], size
         variability,
         initial,
         value.get("start") if holder is None else holder.get("value"),
-        value.get("unit", "") if measures else "",
-        value.get("displayUnit", "") if measures else "",
-        element.get("description", ""),
-        None if kind in BOUNDLESS else value.get("min"),
-        None if kind in BOUNDLESS else value.get("max"),
-        common_type,
+        (attribute("unit") if kind in FLOATS else None) or "",
+        (attribute("displayUnit") if kind in FLOATS else None) or "",
+        element.get("description") or about,
+        None if kind in BOUNDLESS else attribute("min"),
+        None if kind in BOUNDLESS else attribute("max"),
+        tuple((entry.get("name", ""), entry.get("value", "")) for entry in definition.iterfind("Item")),
         tuple(dimension(child, sizes) for child in element.iterfind("Dimension")) if fmi == FMI3 else (),
-        is_relative=is_relative(value, common_type.is_relative),
+        is_relative=is_relative(value, is_relative(definition, default=False)),
     )
-
-
-NO_TYPE = DeclaredType()
 
 
 def usual(fmi: FmiVersion, causality: str, kind: str) -> str:
@@ -356,13 +325,16 @@ def named(word: str | None, variables_by_key: dict[int, Declared], location: str
 def unit(element: Any) -> DeclaredUnit:
     """A unit with its display units."""
     base = element.find("BaseUnit")
-    attributes = {} if base is None else dict(base.attrib)
     try:
         return DeclaredUnit(
             element.get("name", ""),
-            None if base is None else float(attributes.pop("factor", 1.0)),
-            float(attributes.pop("offset", 0.0)),
-            tuple(int(attributes.get(symbol, 0)) for symbol in units.BASE),
+            None
+            if base is None
+            else units.Unit(
+                float(base.get("factor", 1.0)),
+                float(base.get("offset", 0.0)),
+                tuple(int(base.get(symbol, 0)) for symbol in units.BASE),
+            ),
             tuple(
                 (
                     child.get("name", ""),

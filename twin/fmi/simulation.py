@@ -211,16 +211,12 @@ def simulate(
         if feed:
             feed(begin)
         member.exit_initialization()
-        alone = clocks.Alone(member, plan, feed) if clocks else None
+        steps = (clocks.Alone if clocks else Stepping)(member, plan, feed)
         sampler(plan.start)
         if link:
             link.keep(resume=True)
         note(f"{member.name}: {member.step_name}")
-        beat = link.beat if link else silent
-        if alone:
-            alone.loop(sampler, outcome, progress, beat)
-        else:
-            loop(member, plan, feed=feed, sampler=sampler, outcome=outcome, progress=progress, beat=beat)
+        steps.run(sampler, outcome, progress, link.beat if link else silent)
     except SimulationError as error:
         if sampler is None or not sampler.times:
             raise
@@ -261,45 +257,58 @@ def left(member: FMUMember, plan: SimulationPlan, link: SupervisorChannel) -> Ou
     return Outcome(sampler.results(), [*member.notes, *plan.notes], crash.text(), crash.from_outside)
 
 
-def loop(
-    member: FMUMember,
-    plan: SimulationPlan,
-    *,
-    feed: Callable[[float], None] | None,
-    sampler: Sampler,
-    outcome: Outcome,
-    progress: Callable[[float], None] | None,
-    beat: Callable[[], None] = silent,
-) -> None:
-    """Step from start to stop, or to where the FMU ends the simulation."""
-    flags = np.zeros(FLAGS, np.int64)
-    address = flags.ctypes.data
-    terminate, early, reached = (address + 8 * i for i in range(1, 4))
-    steps = plan.steps
-    do_step = machine.stepper(member.step_function, member.step_signature)
-    for k in range(steps):
-        time = plan.start + k * plan.step
-        end = min(time + plan.step, plan.stop)
-        t, h = clock.seconds(time), clock.seconds(end - time)
-        sampler.last[1] = t
-        beat()
-        if feed:
-            feed(t)
-        status = do_step(member.instance, t, h, True, address)
+class Stepping:
+    """Steps of an initialized FMU from start to stop, and their rows. `ending`: how the FMU ended the simulation, or empty."""
+
+    def __init__(self, member: FMUMember, plan: SimulationPlan, feed: Callable[[float], None] | None) -> None:
+        self.member, self.plan, self.feed = member, plan, feed
+        self.now, self.ending = plan.start, ""
+        self._flags = np.zeros(FLAGS, np.int64)
+        self._address = self._flags.ctypes.data
+        self._do_step = machine.stepper(member.step_function, member.step_signature)
+
+    def run(
+        self,
+        sampler: Sampler,
+        outcome: Outcome,
+        progress: Callable[[float], None] | None = None,
+        beat: Callable[[], None] = silent,
+    ) -> None:
+        """Step from start to stop, or to where the FMU ends the simulation."""
+        plan = self.plan
+        for k in range(plan.steps):
+            end = min(plan.start + (k + 1) * plan.step, plan.stop)
+            is_row = (k + 1) % plan.every == 0 or end == plan.stop
+            while self.now < end and not self.ending:
+                beat()
+                sampler.last[1] = clock.seconds(self.now)
+                self.step(end, is_row)
+            if (is_row or self.ending) and self.now > sampler.times[-1]:
+                sampler(self.now)
+            if self.ending:
+                outcome.notes.append(f"ended the simulation {self.ending}")
+                return
+            if progress and k % 64 == 0:
+                progress(k / plan.steps)
+
+    def step(self, end: clock.Time, is_row: bool) -> None:  # noqa: ARG002 - whether a row follows matters to events
+        """Step to `end` [ns]."""
+        member, begin = self.member, self.now
+        t, h = clock.seconds(begin), clock.seconds(end - begin)
+        if self.feed:
+            self.feed(t)
+        status = self._do_step(member.instance, t, h, True, self._address)
+        terminate, early, reached = (self._address + 8 * i for i in range(1, 4))
+        self.now = end
         if machine.read8(terminate) or status > binary.WARNING:
             reason = "its terminate flag is set" if machine.read8(terminate) else member.finish_reason()
             if not reason:
                 member.check(status, "doStep")
-            outcome.notes.append(f"ended the simulation in the step from {clock.text(time)}: {reason}")
+            self.ending = f"in the step from {clock.text(begin)}: {reason}"
             last = member.last_successful_time(machine.read_float(reached))
-            if last is not None and sampler.times[-1] < (stopped := round(last * clock.NANOSECONDS)) <= end:
-                sampler(stopped)
-            return
-        if machine.read8(early):
+            stopped = end + 1 if last is None else round(last * clock.NANOSECONDS)
+            self.now = stopped if stopped <= end else self.plan.start  # at an unknown time there is no row
+        elif machine.read8(early):
             raise SimulationError(
                 f"{member.name}: returned early at {machine.read_float(reached)} s, though not allowed to."
             )
-        if (k + 1) % plan.every == 0 or end == plan.stop:
-            sampler(end)
-        if progress and k % 64 == 0:
-            progress(k / steps)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -23,12 +24,12 @@ def names(units: Iterable[DeclaredUnit]) -> Names:
     """Every pair of unit and display unit that an FMU defines; a unit without a valid factor keeps its name."""
     unit_names: Names = {}
     for declared_unit in units:
-        size = base(declared_unit)
-        text = (
-            declared_unit.name
-            if declared_unit.factor is None or size is None
-            else unit.defined(declared_unit.name, size)
-        )
+        size, text = declared_unit.size, declared_unit.name
+        if size is None:
+            with suppress(CouplingError):
+                size = unit.describe(text or "?")
+        else:
+            text = unit.defined(text, size)
         unit_names[declared_unit.name, ""] = text, ""
         for name, part, offset in declared_unit.displays:
             shown = name if part else ""
@@ -38,16 +39,6 @@ def names(units: Iterable[DeclaredUnit]) -> Names:
                 shown = unit.defined(name, unit.Unit(factor, size.offset - factor * offset, size.exponents))
             unit_names[declared_unit.name, name] = text, shown
     return unit_names
-
-
-def base(declared_unit: DeclaredUnit) -> unit.Unit | None:
-    """A unit in base units as the FMU says, else by its name alone; None if the unit is unknown."""
-    if declared_unit.factor is not None:
-        return unit.Unit(declared_unit.factor, declared_unit.offset, declared_unit.exponents)
-    try:
-        return unit.describe(declared_unit.name or "?")
-    except CouplingError:
-        return None
 
 
 def named(variable: MemberVariable, unit_names: Names, *, is_relative: bool = False) -> MemberVariable:

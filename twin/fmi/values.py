@@ -31,11 +31,11 @@ def find(name: str, variables: dict[str, MemberVariable], what: str) -> tuple[Me
     if not matched or matched[1] not in variables or not variables[matched[1]].shape:
         raise FMUError(f"{what}: has no variable {name!r}. {nearest(name, list(variables))}")
     variable = variables[matched[1]]
-    index = tuple(int(number) - 1 for number in matched[2].split(","))
-    if len(index) != len(variable.shape) or any(not 0 <= i < n for i, n in zip(index, variable.shape, strict=True)):
+    index = variable.index_of(matched[2])
+    if index is None:
         shape = ",".join(map(str, variable.shape))
         raise FMUError(f"{what}: {name!r} is outside of {variable.name}[{shape}]. Elements are counted from 1.")
-    return variable, int(np.ravel_multi_index(index, variable.shape))
+    return variable, index
 
 
 def elements(variable: MemberVariable) -> list[str]:

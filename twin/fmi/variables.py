@@ -45,24 +45,18 @@ class Experiment:
     step_size: float | None = None
 
 
-def experiment(declared: Mapping[str, str], where: str) -> Experiment:
-    """The suggested experiment."""
-    numbers: list[float | None] = []
-    for name in ("startTime", "stopTime", "tolerance", "stepSize"):
-        text = declared.get(name)
-        try:
-            numbers.append(None if text is None else float(text))
-        except ValueError:
-            raise FMUError(f"{where}: DefaultExperiment has {name}={text!r}, expected a number [s].") from None
-    return Experiment(*numbers)
-
-
-def step_size(text: str | None, where: str) -> float | None:
-    """The step [s] from fixedInternalStepSize of FMI 3.0."""
+def number(text: str | None, what: str, unit: str = " [s]") -> float | None:
+    """An optional number of the description; `what`: its owner and its name, for messages."""
     try:
         return None if text is None else float(text)
     except ValueError:
-        raise FMUError(f"{where}: has fixedInternalStepSize={text!r}, expected a number [s].") from None
+        raise FMUError(f"{what}={text!r}, expected a number{unit}.") from None
+
+
+def experiment(declared: Mapping[str, str], where: str) -> Experiment:
+    """The suggested experiment."""
+    names = ("startTime", "stopTime", "tolerance", "stepSize")
+    return Experiment(*(number(declared.get(name), f"{where}: DefaultExperiment has {name}") for name in names))
 
 
 def period(fixed: float | None, suggested: float | None, where: str) -> clock.Time:
@@ -82,7 +76,7 @@ def period(fixed: float | None, suggested: float | None, where: str) -> clock.Ti
 def items(declared: Declared, where: str) -> values.Items:
     """Items of an enumeration; none for other types."""
     try:
-        return {name: int(value) for name, value in declared.common.items}
+        return {name: int(value) for name, value in declared.items}
     except ValueError:
         raise FMUError(
             f"{where}: the items of {declared.name} have no whole numbers. Export the FMU once more."
@@ -105,7 +99,6 @@ def variable(
     if math.prod(shape) > LARGEST:
         by = " x ".join(map(str, shape))
         raise FMUError(f"{where}: {declared.name} has {by} elements, more than {LARGEST}. Use a smaller size.")
-    common = declared.common
     start = plain(kind, shape, declared.start)
     bare = MemberVariable(
         declared.name,
@@ -114,27 +107,19 @@ def variable(
         kind,
         dtype,
         shape,
-        declared.unit or common.unit,
-        declared.display_unit or common.display_unit,
+        declared.unit,
+        declared.display_unit,
         start,
-        declared.description or common.description,
+        declared.description,
         depends.get(declared.alias_of or declared.name) if declared.causality == "output" else (),
         (declared.reference,),
         "" if declared.variability == "constant" else declared.initial,
         tuple(items(declared, where).items()),
-        bound(declared, "min", declared.minimum or common.minimum, where),
-        bound(declared, "max", declared.maximum or common.maximum, where),
+        number(declared.minimum, f"{where}: {declared.name} has min", ""),
+        number(declared.maximum, f"{where}: {declared.name} has max", ""),
         terminals,
     )
     return bare if start is not None else with_start(bare, declared.start, where)
-
-
-def bound(declared: Declared, side: str, text: str | None, where: str) -> float | None:
-    """The `min` or `max` of a variable; None if there is none."""
-    try:
-        return None if text is None else float(text)
-    except ValueError:
-        raise FMUError(f"{where}: {declared.name} has {side}={text!r}, expected a number.") from None
 
 
 def plain(kind: str, shape: tuple[int, ...], text: str | None) -> Any:

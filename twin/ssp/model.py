@@ -36,20 +36,6 @@ class Messages:
         self.deviations += other.deviations
 
 
-@dataclass
-class UnitTable:
-    """Units defined in one file: name -> unit text of `twin.component.unit`."""
-
-    texts: dict[str, str] = field(default_factory=dict)
-
-    def text(self, name: str | None) -> str | None:
-        """Return a unit's text; CouplingError if neither the file nor `twin.component.unit` defines it."""
-        if name is None or name in self.texts:
-            return None if name is None else self.texts[name]
-        unit.describe(name)
-        return name
-
-
 @dataclass(frozen=True)
 class Linear:
     """Linear transformation: target = factor * source + offset."""
@@ -158,10 +144,19 @@ class SspElement:
     annotations: list[bytes] = field(default_factory=list)
 
 
-def resolve_unit(units: UnitTable, name: str | None, where: str, deviations: list[str]) -> str | None:
-    """Return a unit's text; report an unknown unit as a deviation and return None: values are not converted."""
+def resolve_unit(units: dict[str, str], typed: Any, where: str, deviations: list[str]) -> str | None:
+    """Return the text of a typed element's unit, by the definitions of its file or by its name; None without a unit.
+
+    An unknown unit is reported as a deviation, and None is returned: values are not converted.
+    """
+    name = None if typed is None else typed.get("unit")
+    if name is None:
+        return None
+    if name in units:
+        return units[name]
     try:
-        return units.text(name)
+        unit.describe(name)
     except CouplingError as error:
         deviations.append(f"{where}: {error} Or define it under Units in this file. Values are not converted.")
         return None
+    return str(name)

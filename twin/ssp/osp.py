@@ -45,22 +45,21 @@ class OspReader:
 
     def number(self, node: Any, key: str, default: float) -> float:
         """Parse an attribute; report an invalid one and return the default."""
+        number = self.real(node, key, node.get(key, str(default)))
+        return default if number is None else number
+
+    def real(self, node: Any, what: str, text: str) -> float | None:
+        """Parse a number; report an invalid one and return None."""
         try:
-            return float(KINDS["Real"](node.get(key, str(default))))
+            return float(KINDS["Real"](text))
         except ValueError as error:
-            self.messages.problems.append(f"{self.where(node)}: {key}: {error}.")
-            return default
+            self.messages.problems.append(f"{self.where(node)}: {what}: {error}.")
+            return None
 
     def time(self, tag: str) -> float | None:
         """Parse a time [s] of the description; None if it is not given."""
         node = self.root.find(f"{STRUCTURE}{tag}")
-        if node is None:
-            return None
-        try:
-            return float(KINDS["Real"](node.text or ""))
-        except ValueError as error:
-            self.messages.problems.append(f"{self.where(node)}: {tag}: {error}.")
-            return None
+        return None if node is None else self.real(node, tag, node.text or "")
 
     def system(self) -> SspElement:
         """Return the root system with all simulators and connections."""

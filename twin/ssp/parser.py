@@ -21,7 +21,6 @@ from twin.ssp.model import (
     ParameterMappingEntry,
     SspConnection,
     SspElement,
-    UnitTable,
     ValueTable,
     resolve_unit,
 )
@@ -120,7 +119,7 @@ class SspParser:
             return default
         return value
 
-    def units(self, root: Any, shown: str, space: str) -> UnitTable:
+    def units(self, root: Any, shown: str, space: str) -> dict[str, str]:
         """Parse the units that a file defines."""
         definitions: dict[str, str] = {}
         for node in root.iterfind(f"{space}Units/{SSC}Unit"):
@@ -132,7 +131,7 @@ class SspParser:
             if name in definitions:
                 self.report_problem(f"{shown}:{node.sourceline}: unit `{name}` is defined twice. Keep one.")
             definitions[name] = unit.defined(name, unit.Unit(factor, offset, powers))
-        return UnitTable(definitions)
+        return definitions
 
     def change(self, node: Any, shown: str) -> Linear | ValueTable | None:
         """Parse the transformation of a connection or a mapping; None if there is none."""
@@ -168,7 +167,7 @@ class SspParser:
         """Parse the root system of a description."""
         return self.element(root.find(f"{SSD}System"), shown, self.units(root, shown, SSD), "system")
 
-    def element(self, node: Any, shown: str, units: UnitTable, kind: str) -> SspElement:
+    def element(self, node: Any, shown: str, units: dict[str, str], kind: str) -> SspElement:
         """Parse a component, a system or a dictionary reference with its children."""
         where = f"{shown}:{node.sourceline}"
         element = SspElement(kind, node.get("name", ""), where, annotations=canonical_annotations(node))
@@ -192,17 +191,16 @@ class SspParser:
         self.depth -= 1
         return element
 
-    def connector(self, owner: SspElement, node: Any, shown: str, units: UnitTable) -> None:
+    def connector(self, owner: SspElement, node: Any, shown: str, units: dict[str, str]) -> None:
         """Parse a connector with its unit."""
         where, name = f"{shown}:{node.sourceline}", node.get("name", "")
         if name in owner.connectors:
             self.report_problem(f"{where}: `{owner.name}` has two connectors `{name}`. Rename one.")
-        typed = scalar_kind(node, SSC)
-        text = resolve_unit(units, typed.get("unit") if typed is not None else None, where, self.messages.deviations)
+        text = resolve_unit(units, scalar_kind(node, SSC), where, self.messages.deviations)
         kind = node.get("kind", "")
         owner.connectors[name] = Connector(name, kind if kind in KINDS else "unspecified", text, where)
 
-    def component(self, element: SspElement, node: Any, shown: str, units: UnitTable) -> None:
+    def component(self, element: SspElement, node: Any, shown: str, units: dict[str, str]) -> None:
         """Parse the source of a component: an FMU or another system."""
         source, kind = node.get("source"), node.get("type", FMU)
         if source is None:
@@ -224,7 +222,7 @@ class SspParser:
         if location := self.resolve_uri(source, element.where):
             element.fmu = str(self.folder / location[0])
 
-    def nested(self, element: SspElement, source: str, kind: str, node: Any, shown: str, units: UnitTable) -> None:
+    def nested(self, element: SspElement, source: str, kind: str, node: Any, shown: str, units: dict[str, str]) -> None:
         """Parse a component whose source is a system of this file, another description or a nested archive."""
         inner: SspElement
         if source.startswith("#"):
@@ -272,7 +270,7 @@ class SspParser:
             self.report_problem(f"{where}: {name} has no {fragment[:60]}. Name one of its descriptions.")
         return (matches or package.variants)[0].system
 
-    def system(self, parent: SspElement, node: Any, shown: str, units: UnitTable) -> None:
+    def system(self, parent: SspElement, node: Any, shown: str, units: dict[str, str]) -> None:
         """Parse the elements, connections and dictionaries of a system."""
         for child_node in node.iterfind(f"{SSD}Elements/*"):
             if child_node.tag not in ELEMENTS:
@@ -314,10 +312,7 @@ class SspParser:
         units = self.units(root, shown, SSB)
         return {
             entry_node.get("name", ""): resolve_unit(
-                units,
-                None if (typed := scalar_kind(entry_node, SSC)) is None else typed.get("unit"),
-                f"{shown}:{entry_node.sourceline}",
-                self.messages.deviations,
+                units, scalar_kind(entry_node, SSC), f"{shown}:{entry_node.sourceline}", self.messages.deviations
             )
             for entry_node in root.iterfind(f"{SSB}DictionaryEntry")
         }
@@ -355,7 +350,7 @@ class SspParser:
             list(parameters.values()), None if mapping_node is None else self.mapping(mapping_node, shown), where
         )
 
-    def parameter(self, node: Any, shown: str, units: UnitTable, prefix: str) -> Parameter | None:
+    def parameter(self, node: Any, shown: str, units: dict[str, str], prefix: str) -> Parameter | None:
         """Parse one value with its unit."""
         where, typed = f"{shown}:{node.sourceline}", scalar_kind(node, SSV)
         name = f"{prefix}{node.get('name', '')}"
@@ -367,7 +362,7 @@ class SspParser:
         except ValueError as error:
             self.report_problem(f"{where}: {error}.")
             return None
-        return Parameter(name, value, resolve_unit(units, typed.get("unit"), where, self.messages.deviations), where)
+        return Parameter(name, value, resolve_unit(units, typed, where, self.messages.deviations), where)
 
     def mapping(self, node: Any, shown: str) -> list[ParameterMappingEntry] | None:
         """Parse the entries of a parameter mapping."""

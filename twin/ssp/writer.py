@@ -6,8 +6,6 @@ connections written out as transformations. SSP 1.0, and 2.0 if an FMU has FMI 3
 
 from __future__ import annotations
 
-import io
-import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +15,7 @@ from lxml import etree
 from twin.component import unit
 from twin.errors import CouplingError, ScenarioError
 from twin.files import write_atomically
+from twin.fmi import exporter
 from twin.ssp import ssp_annotations
 from twin.ssp.document import NAMESPACE, SSC, SSD, SSV, parse_root, violations
 from twin.ssp.model import ROLES_1, Linear
@@ -43,7 +42,6 @@ KINDS_1 = {  # of SSP 1.0
     **dict.fromkeys(("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64"), "Integer"),
 }
 PARAMETER_SET_NAME = "initialValues"  # the name of the set that libcosim and ecos apply
-TIMESTAMP = (1980, 1, 1, 0, 0, 0)  # of all entries, so that the same system gives the same archive
 
 
 @dataclass
@@ -166,15 +164,7 @@ def write(outline: SystemOutline, path: Path) -> None:
             raise ScenarioError(problems)
     if outline.extra:
         files[f"{EXTRA}{Path(DEFAULT).stem}.yaml"] = outline.extra.encode()
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in files.items():
-            entry = zipfile.ZipInfo(name, TIMESTAMP)
-            entry.compress_type = zipfile.ZIP_STORED if name.endswith(".fmu") else zipfile.ZIP_DEFLATED
-            entry.create_system = 3  # Unix on every machine
-            entry.external_attr = 0o100644 << 16
-            archive.writestr(entry, content)
-    write_atomically(path, buffer.getvalue())
+    write_atomically(path, exporter.archive(files, list))
 
 
 def text(root: Any) -> bytes:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 from twin.compiler.autodiff.derivative_rules import CALLED
-from twin.compiler.autodiff.function import ACTIVE, PLAIN, RECORD, GeneratedLines, TangentFunction, UnknownError, dot
-from twin.compiler.autodiff.statements import block
+from twin.compiler.autodiff.function import ACTIVE, PLAIN, RECORD, GeneratedLines, UnknownError, dot
+from twin.compiler.autodiff.statements import FunctionTangents
 from twin.compiler.introspection import names_in
 from twin.compiler.resolve import TranslationError, source_of
 from twin.component import Float64, define
@@ -108,7 +108,7 @@ class _Library:
         self.made[key] = result = defined(opened), opened.returns
         return result
 
-    def _open(self, function: FunctionType, kinds: tuple[str, ...]) -> TangentFunction:
+    def _open(self, function: FunctionType, kinds: tuple[str, ...]) -> FunctionTangents:
         name = function.__name__
         try:
             source = source_of(function)
@@ -119,18 +119,18 @@ class _Library:
         if len(source.parameters) != len(kinds):
             raise UnknownError(f"`{name}` is called with {len(kinds)} of {len(source.parameters)} arguments")
         kind_of = dict(zip(source.parameters, kinds, strict=True))
-        return TangentFunction(
+        return FunctionTangents(
             source, kind_of, self.reals, self.rewrite, {name for name, kind in kind_of.items() if kind == ACTIVE}
         )
 
 
-def defined(f: TangentFunction) -> Any:
+def defined(f: FunctionTangents) -> Any:
     """The rewritten function; its text is written again until it is known which names carry a tangent."""
     before = None
     while before != (len(f.active), f.returns):
         before = len(f.active), f.returns
         f.lines = GeneratedLines()
-        block(f, f.source.tree.body)
+        f.block(f.source.tree.body)
     function = f.source.function
     dots = [dot(name) for name, kind in f.kinds.items() if kind != PLAIN]
     name = f"{function.__name__.strip('_')}_tangent"

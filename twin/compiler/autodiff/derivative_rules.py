@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from twin.compiler.builtins import NUMPY
+
 OPERATORS: dict[type[ast.operator], str] = {
     ast.Add: "+",
     ast.Sub: "-",
@@ -90,13 +92,7 @@ FLAT = {
 OTHER_NAMES = {
     "fabs": "abs",
     "absolute": "abs",
-    "arcsin": "asin",
-    "arccos": "acos",
-    "arctan": "atan",
-    "arctan2": "atan2",
-    "arcsinh": "asinh",
-    "arccosh": "acosh",
-    "arctanh": "atanh",
+    **NUMPY,
     "minimum": "min",
     "maximum": "max",
     "power": "pow",

@@ -60,7 +60,7 @@ class GeneratedLines:
 
 
 @dataclass(slots=True)
-class TangentFunction:
+class TangentFunction(ast.NodeVisitor):
     """One function; `active`, `returns` and `helpers` grow while its lines are written."""
 
     source: FunctionSource
@@ -96,6 +96,10 @@ class TangentFunction:
             base = self.tangent_of(node.value)
             return None if base is None else f"{base}[{ast.unparse(node.slice)}]"
         return None
+
+    def generic_visit(self, node: ast.AST) -> None:
+        """Refuse a construct without a method."""
+        raise self.unknown(node)
 
     def unknown(self, node: ast.AST, why: str = "is not understood") -> UnknownError:
         """Return an error with the reason and its location."""

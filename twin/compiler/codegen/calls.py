@@ -20,7 +20,7 @@ EXTREMES: dict[Any, dict[Scalar, str]] = {
 class CallWriter(ExpressionWriter):
     """Calls of one function."""
 
-    def call_text(self, node: ast.Call) -> ExpressionCode:
+    def visit_Call(self, node: ast.Call) -> ExpressionCode:
         """A call, without keeping its result."""
         called = self.function.calls.get(id(node))
         if isinstance(called, TypedFunction):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any
 
 from twin.compiler.builtins import NAMED
 from twin.compiler.codegen.code import (
@@ -28,9 +28,6 @@ from twin.compiler.codegen.lines import LineWriter
 from twin.compiler.infer import OPERATORS, NotStaticError, element
 from twin.compiler.structs import SIZES
 from twin.compiler.types import BOOLEAN, INTEGER, REAL, Array, Record, Scalar, StaticObject, Tuple, Type
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 SYMBOLS: dict[type[ast.operator], tuple[str, int]] = {
     ast.Add: ("+", SUM),
@@ -58,14 +55,12 @@ COMPARED: dict[type[ast.cmpop], tuple[str, int]] = {
 }
 
 
-class ExpressionWriter(LineWriter):
+class ExpressionWriter(LineWriter, ast.NodeVisitor):
     """Expressions of one function."""
-
-    expressions: ClassVar[dict[type[ast.expr], Callable[[Any, Any], ExpressionCode]]] = {}
 
     def expression(self, node: ast.expr) -> ExpressionCode:
         """An expression; in an ordered statement its reads and calls are kept in lines before it."""
-        code = self.expressions[type(node)](self, node)
+        code: ExpressionCode = self.visit(node)
         if self.ordered and isinstance(self.type(node), Scalar):
             is_read = isinstance(node, ast.Attribute | ast.Subscript) and not isinstance(self.type(node), StaticObject)
             is_call = isinstance(node, ast.Call) and id(node) in self.function.calls
@@ -111,7 +106,7 @@ class ExpressionWriter(LineWriter):
                 return self._joined(node)
             return self._stepwise(node)
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
-            return self.unary(node)
+            return self.visit_UnaryOp(node)
         return self.convert(self.expression(node), self.type(node), BOOLEAN)
 
     def _joined(self, node: ast.BoolOp) -> ExpressionCode:
@@ -127,18 +122,15 @@ class ExpressionWriter(LineWriter):
         name = self.temporary()
         self.emit(f"bool {name} = {self.condition(node.values[0]).text};")
         for value in node.values[1:]:
-            self.emit(f"if ({'' if isinstance(node.op, ast.And) else '!'}{name}) {{")
-            self.depth += 1
-            self.emit(f"{name} = {self.condition(value).text};")
-            self.depth -= 1
-            self.emit("}")
+            with self.block_of(f"if ({'' if isinstance(node.op, ast.And) else '!'}{name}) {{"):
+                self.emit(f"{name} = {self.condition(value).text};")
         return ExpressionCode(name)
 
-    def constant(self, node: ast.Constant) -> ExpressionCode:
+    def visit_Constant(self, node: ast.Constant) -> ExpressionCode:
         assert isinstance(node.value, bool | int | float)
         return number(node.value)
 
-    def name(self, node: ast.Name) -> ExpressionCode:
+    def visit_Name(self, node: ast.Name) -> ExpressionCode:
         if node.id in self.source.locals:
             return ExpressionCode(local_name(node.id))
         return self.global_value(node, node.id, self.source.value(node.id))
@@ -150,7 +142,7 @@ class ExpressionWriter(LineWriter):
             return ExpressionCode("")
         return ExpressionCode(self.needs.constant(self.source, name, value))
 
-    def attribute(self, node: ast.Attribute) -> ExpressionCode:
+    def visit_Attribute(self, node: ast.Attribute) -> ExpressionCode:
         base = self.type(node.value)
         if isinstance(base, Record):
             return self.field(node, base)
@@ -173,9 +165,10 @@ class ExpressionWriter(LineWriter):
         """Return the C lvalue of a target."""
         if isinstance(node, ast.Name):
             return ExpressionCode(local_name(node.id))
-        return self.expressions[type(node)](self, node)
+        code: ExpressionCode = self.visit(node)
+        return code
 
-    def subscript(self, node: ast.Subscript) -> ExpressionCode:
+    def visit_Subscript(self, node: ast.Subscript) -> ExpressionCode:
         base = self.type(node.value)
         indices = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
         if isinstance(base, Tuple):
@@ -229,7 +222,7 @@ class ExpressionWriter(LineWriter):
         assert isinstance(record, Record)
         return record.struct.fields[base.attr].storage
 
-    def unary(self, node: ast.UnaryOp) -> ExpressionCode:
+    def visit_UnaryOp(self, node: ast.UnaryOp) -> ExpressionCode:
         if isinstance(node.op, ast.Not):
             kind = self.type(node.operand)
             if isinstance(kind, Scalar) and kind != BOOLEAN and not isinstance(node.operand, ast.BoolOp):
@@ -247,7 +240,7 @@ class ExpressionWriter(LineWriter):
         text = inner.at(UNARY)
         return ExpressionCode(f"{symbol}({text})" if text.startswith("-") else f"{symbol}{text}", UNARY)
 
-    def binary(self, node: ast.BinOp) -> ExpressionCode:
+    def visit_BinOp(self, node: ast.BinOp) -> ExpressionCode:
         kind = self.type(node)
         assert isinstance(kind, Scalar)
         folded = self._folded(node, kind)
@@ -296,7 +289,7 @@ class ExpressionWriter(LineWriter):
             return None
         return number(float(value) if kind == REAL else value)
 
-    def logic(self, node: ast.BoolOp) -> ExpressionCode:
+    def visit_BoolOp(self, node: ast.BoolOp) -> ExpressionCode:
         """`and`, `or` as a value: the first that decides."""
         kind = self.type(node)
         if kind == BOOLEAN:
@@ -306,11 +299,8 @@ class ExpressionWriter(LineWriter):
             name = self.temporary()
             self.emit(f"{self.needs.declare(kind, name, False)} = {self._value(node.values[0], kind).text};")
             for value in node.values[1:]:
-                self.emit(f"if ({name} {'!=' if is_and else '=='} {'0.0' if kind == REAL else '0'}) {{")
-                self.depth += 1
-                self.emit(f"{name} = {self._value(value, kind).text};")
-                self.depth -= 1
-                self.emit("}")
+                with self.block_of(f"if ({name} {'!=' if is_and else '=='} {'0.0' if kind == REAL else '0'}) {{"):
+                    self.emit(f"{name} = {self._value(value, kind).text};")
             return ExpressionCode(name)
         result = self._value(node.values[-1], kind)
         for value in reversed(node.values[:-1]):
@@ -322,7 +312,7 @@ class ExpressionWriter(LineWriter):
     def _value(self, node: ast.expr, kind: Type) -> ExpressionCode:
         return self.convert(self.expression(node), self.type(node), kind)
 
-    def compare(self, node: ast.Compare) -> ExpressionCode:
+    def visit_Compare(self, node: ast.Compare) -> ExpressionCode:
         if any(isinstance(op, ast.Is | ast.IsNot) for op in node.ops):
             return number(self.inference.static(node))
         if isinstance(node.ops[0], ast.In | ast.NotIn):
@@ -367,23 +357,23 @@ class ExpressionWriter(LineWriter):
         joined = ExpressionCode(" || ".join(part.at(EQUALITY) for part in parts), OR) if len(parts) > 1 else parts[0]
         return ExpressionCode(f"!({joined.text})", UNARY) if isinstance(node.ops[0], ast.NotIn) else joined
 
-    def choice(self, node: ast.IfExp) -> ExpressionCode:
+    def visit_IfExp(self, node: ast.IfExp) -> ExpressionCode:
         kind = self.type(node)
         if self.ordered and (self.has_effect(node.body) or self.has_effect(node.orelse)):
             name = self.temporary()
             self.emit(f"{self.needs.declare(kind, name, False)};")
-            self.emit(f"if ({self.condition(node.test).text}) {{")
-            for arm, end in ((node.body, "} else {"), (node.orelse, "}")):
-                self.depth += 1
-                self.emit(f"{name} = {self._value(arm, kind).text};")
-                self.depth -= 1
-                self.emit(end)
+            with self.block_of(f"if ({self.condition(node.test).text}) {{", "} else {"):
+                self.emit(f"{name} = {self._value(node.body, kind).text};")
+            self.depth += 1
+            self.emit(f"{name} = {self._value(node.orelse, kind).text};")
+            self.depth -= 1
+            self.emit("}")
             return ExpressionCode(name)
         test = self.condition(node.test)
         a, b = self._value(node.body, kind), self._value(node.orelse, kind)
         return ExpressionCode(f"{test.at(OR)} ? {a.at(OR)} : {b.at(OR)}", CHOICE)
 
-    def several(self, node: ast.Tuple) -> ExpressionCode:
+    def visit_Tuple(self, node: ast.Tuple) -> ExpressionCode:
         kind = self.type(node)
         parts = [self.expression(element).text for element in node.elts]
         return ExpressionCode(f"({self.needs.c_type(kind)}){{{', '.join(parts)}}}")

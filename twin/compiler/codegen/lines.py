@@ -6,7 +6,8 @@ Where calls with effects meet other reads in one expression, C leaves the order 
 from __future__ import annotations
 
 import ast
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from twin.compiler.builtins import Word
 from twin.compiler.codegen.code import ExpressionCode, wrapped
@@ -33,6 +34,15 @@ class LineWriter(NonnegativeAnalysis):
     def emit(self, line: str) -> None:
         """A line at the present depth, broken where it is too long."""
         self.lines += wrapped("    " * self.depth + line)
+
+    @contextmanager
+    def block_of(self, head: str, end: str = "}") -> Iterator[None]:
+        """Emit the head of a block, the lines inside, and its end."""
+        self.emit(head)
+        self.depth += 1
+        yield
+        self.depth -= 1
+        self.emit(end)
 
     def emit_head(self, line: str, node: ast.AST) -> None:
         """The head of a block, with its line in Python."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
 
 from twin.compiler.codegen.calls import CallWriter
 from twin.compiler.codegen.code import ATOM, BREAK, SHIFT, UNARY, ExpressionCode, local_name, wrapped
@@ -15,9 +14,6 @@ from twin.compiler.locals import DeclarationSiteFinder, DeclarationSites
 from twin.compiler.structs import SIZES, block_comment, clean
 from twin.compiler.syntax_tree import walk
 from twin.compiler.types import BOOLEAN, COMPUTED, INTEGER, REAL, Array, Nothing, StaticObject, Tuple, Type
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 
 class FunctionWriter(CallWriter):
@@ -96,7 +92,7 @@ class FunctionWriter(CallWriter):
         if self.needs.line_directives and not self.source.file.is_made:
             self.lines.append(f'#line {node.lineno} "{self.source.file.name}"')
         self.ordered = False
-        STATEMENTS[type(node)](self, node)
+        self.visit(node)
 
     def _remarks(self, node: ast.stmt) -> None:
         """Comments of the source between the last statement and the end of this one's first line."""
@@ -129,7 +125,7 @@ class FunctionWriter(CallWriter):
         """Whether a local name of an array only reads it."""
         return isinstance(kind, Array) and (kind.constant or self.function.roots.get(name) not in self.function.mutable)
 
-    def assign(self, node: ast.Assign | ast.AnnAssign) -> None:
+    def visit_Assign(self, node: ast.Assign | ast.AnnAssign) -> None:
         targets = node.targets if isinstance(node, ast.Assign) else [node.target]
         if node.value is None:
             return
@@ -144,6 +140,8 @@ class FunctionWriter(CallWriter):
                 self.store(target, result, kind, node)
             return
         self.store(targets[0], self.expression(node.value), kind, node)
+
+    visit_AnnAssign = visit_Assign
 
     def assign_each(self, targets: list[ast.expr], values: list[ast.expr], node: ast.stmt) -> None:
         """Several to several: through names of their own where a value reads what was set before it."""
@@ -188,7 +186,7 @@ class FunctionWriter(CallWriter):
             return converted.text if converted.text.isdigit() else f"({storage}){converted.at(UNARY)}"
         return converted.text
 
-    def augmented(self, node: ast.AugAssign) -> None:
+    def visit_AugAssign(self, node: ast.AugAssign) -> None:
         value = ast.copy_location(ast.BinOp(node.target, node.op, node.value), node)
         self.made.append(value)
         kind = self.inference.expression(value)
@@ -203,7 +201,7 @@ class FunctionWriter(CallWriter):
         self.ordered = effect
         self.store(node.target, self.expression(value), kind, node)
 
-    def branch(self, node: ast.If) -> None:
+    def visit_If(self, node: ast.If) -> None:
         chosen = self.inference.chosen(node)
         if chosen is not None:
             self.block(chosen)
@@ -238,22 +236,21 @@ class FunctionWriter(CallWriter):
         self.block(statements)
         self.depth -= 1
 
-    def loop_while(self, node: ast.While) -> None:
+    def visit_While(self, node: ast.While) -> None:
         if self.needs_order([node.test]):
             self.emit_head("while (true) {", node)
             self.depth += 1
             self.ordered = True
             stop = self.condition(node.test)
-            self.emit(f"if (!{stop.at(UNARY)}) {{")
-            self.emit("    break;")
-            self.emit("}")
+            with self.block_of(f"if (!{stop.at(UNARY)}) {{"):
+                self.emit("break;")
             self.depth -= 1
         else:
             self.emit_head(f"while ({self.condition(node.test).text}) {{", node)
         self.inside(node.body)
         self.emit("}")
 
-    def loop_for(self, node: ast.For) -> None:
+    def visit_For(self, node: ast.For) -> None:
         if not is_range(node.iter, self.source):
             self._loop_over(node)
             return
@@ -310,7 +307,7 @@ class FunctionWriter(CallWriter):
         self.inside(node.body)
         self.emit("}")
 
-    def give(self, node: ast.Return) -> None:
+    def visit_Return(self, node: ast.Return) -> None:
         result = self.function.result
         if node.value is None or isinstance(result, Nothing):
             value_type = None if node.value is None else self.type(node.value)
@@ -327,43 +324,18 @@ class FunctionWriter(CallWriter):
             return
         self.emit(f"return {self.convert(self.expression(node.value), self.type(node.value), result).text};")
 
-    def call_statement(self, node: ast.Expr) -> None:
+    def visit_Expr(self, node: ast.Expr) -> None:
         if isinstance(node.value, ast.Constant):
             return
         assert isinstance(node.value, ast.Call)
         inner = [*node.value.args, *(keyword.value for keyword in node.value.keywords)]
         self.ordered = self.needs_order(inner)
-        text = self.call_text(node.value).text
+        text = self.visit_Call(node.value).text
         is_empty = isinstance(self.type(node.value), Nothing)
         self.emit(f"{text};" if is_empty else f"(void){text};")
 
-    def leave(self, node: ast.stmt) -> None:
-        self.emit("break;" if isinstance(node, ast.Break) else "continue;")
+    def visit_Break(self, _: ast.Break) -> None:
+        self.emit("break;")
 
-
-STATEMENTS: dict[type[ast.stmt], Callable[[FunctionWriter, Any], None]] = {
-    ast.Assign: FunctionWriter.assign,
-    ast.AnnAssign: FunctionWriter.assign,
-    ast.AugAssign: FunctionWriter.augmented,
-    ast.If: FunctionWriter.branch,
-    ast.While: FunctionWriter.loop_while,
-    ast.For: FunctionWriter.loop_for,
-    ast.Return: FunctionWriter.give,
-    ast.Expr: FunctionWriter.call_statement,
-    ast.Break: FunctionWriter.leave,
-    ast.Continue: FunctionWriter.leave,
-}
-
-FunctionWriter.expressions = {
-    ast.Constant: FunctionWriter.constant,
-    ast.Name: FunctionWriter.name,
-    ast.Attribute: FunctionWriter.attribute,
-    ast.Subscript: FunctionWriter.subscript,
-    ast.UnaryOp: FunctionWriter.unary,
-    ast.BinOp: FunctionWriter.binary,
-    ast.BoolOp: FunctionWriter.logic,
-    ast.Compare: FunctionWriter.compare,
-    ast.IfExp: FunctionWriter.choice,
-    ast.Tuple: FunctionWriter.several,
-    ast.Call: FunctionWriter.call_text,
-}
+    def visit_Continue(self, _: ast.Continue) -> None:
+        self.emit("continue;")

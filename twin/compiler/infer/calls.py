@@ -35,7 +35,7 @@ LOOP = "Write `for i in range(n)` and index with i"
 class CallInference(ExpressionInference):
     """Calls of one function."""
 
-    def call(self, node: ast.Call) -> Type:
+    def visit_Call(self, node: ast.Call) -> Type:
         kind = self.expression(node.func) if isinstance(node.func, ast.Name | ast.Attribute) else UNKNOWN
         if not isinstance(kind, StaticObject):
             raise self.error(node, "calls what is no function", "Call functions by their names")

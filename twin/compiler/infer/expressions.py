@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -29,9 +29,6 @@ from twin.compiler.types import (
 )
 from twin.component import source
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
 BITS = (ast.BitOr, ast.BitAnd, ast.BitXor)
 SHIFTS = (ast.LShift, ast.RShift)
 
@@ -39,16 +36,15 @@ SHIFTS = (ast.LShift, ast.RShift)
 class ExpressionInference(Static):
     """Expressions of one function."""
 
-    expressions: ClassVar[dict[type[ast.expr], Callable[[Any, Any], Type]]] = {}
-
     def expression(self, node: ast.expr) -> Type:
         """The type of an expression, noted at its node."""
-        rule = self.expressions.get(type(node))
-        if rule is None:
-            raise self.error(node, "has no form in C", FORBIDDEN.get(type(node), "Write it otherwise"))
-        kind = rule(self, node)
+        kind: Type = self.visit(node)
         self.function.types[id(node)] = kind
         return kind
+
+    def generic_visit(self, node: ast.AST) -> None:
+        """Refuse a construct without a method."""
+        raise self.error(node, "has no form in C", FORBIDDEN.get(type(node), "Write it otherwise"))
 
     def number(self, node: ast.expr) -> Type:
         """The type of an expression that must be a number."""
@@ -71,7 +67,7 @@ class ExpressionInference(Static):
             return self.root(node.body) or self.root(node.orelse)
         return self.function.roots.get(node.id) if isinstance(node, ast.Name) else None
 
-    def constant(self, node: ast.Constant) -> Type:
+    def visit_Constant(self, node: ast.Constant) -> Type:
         if isinstance(node.value, complex | bytes):
             raise self.error(node, "is no number of C", "Use real numbers")
         return self.of_object(node, node.value)
@@ -82,7 +78,7 @@ class ExpressionInference(Static):
             raise self.error(node, "has more than 64 bits", "Use a smaller number, or a real one")
         return of_constant(value)
 
-    def name(self, node: ast.Name) -> Type:
+    def visit_Name(self, node: ast.Name) -> Type:
         if node.id in self.source.locals:
             return self.function.locals.get(node.id, UNKNOWN)
         return self.of_object(node, self.free(node))
@@ -94,7 +90,7 @@ class ExpressionInference(Static):
         except KeyError:
             raise self.error(node, "is not defined", "Import or define it in the module") from None
 
-    def attribute(self, node: ast.Attribute) -> Type:
+    def visit_Attribute(self, node: ast.Attribute) -> Type:
         base = self.expression(node.value)
         if isinstance(base, Record):
             return self.field(node, base)
@@ -116,7 +112,7 @@ class ExpressionInference(Static):
             return Record(own.struct)
         return Array(own.storage, own.shape) if own.shape else COMPUTED[own.storage]
 
-    def subscript(self, node: ast.Subscript) -> Type:
+    def visit_Subscript(self, node: ast.Subscript) -> Type:
         base = self.expression(node.value)
         indices = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
         if any(isinstance(index, ast.Slice) for index in indices):
@@ -171,7 +167,7 @@ class ExpressionInference(Static):
             raise self.error(node, f"picks none of {size} values", "Correct the index")
         return value % size
 
-    def unary(self, node: ast.UnaryOp) -> Type:
+    def visit_UnaryOp(self, node: ast.UnaryOp) -> Type:
         if isinstance(node.op, ast.Not):
             self.condition(node.operand)
             return BOOLEAN
@@ -180,7 +176,7 @@ class ExpressionInference(Static):
             self.require_integer(node.operand, kind)
         return INTEGER if kind == BOOLEAN else kind
 
-    def binary(self, node: ast.BinOp) -> Type:
+    def visit_BinOp(self, node: ast.BinOp) -> Type:
         return self.binary_type(node, self.number(node.left), node.op, node.right)
 
     def binary_type(self, node: ast.BinOp | ast.AugAssign, left: Type, op: ast.operator, right_node: ast.expr) -> Type:
@@ -225,14 +221,14 @@ class ExpressionInference(Static):
         if not isinstance(kind, Scalar | UnknownType):
             raise self.error(node, f"is {describe(kind)} and neither true nor false", "Compare numbers")
 
-    def logic(self, node: ast.BoolOp) -> Type:
+    def visit_BoolOp(self, node: ast.BoolOp) -> Type:
         """`and`, `or`: one of the values, as Python has it; a Boolean if all are."""
         kind: Type = UNKNOWN
         for value in node.values:
             kind = join(kind, self.number(value))
         return kind
 
-    def compare(self, node: ast.Compare) -> Type:
+    def visit_Compare(self, node: ast.Compare) -> Type:
         for op in node.ops:
             if isinstance(op, ast.Is | ast.IsNot):
                 try:
@@ -270,7 +266,7 @@ class ExpressionInference(Static):
                 return True
         return False
 
-    def choice(self, node: ast.IfExp) -> Type:
+    def visit_IfExp(self, node: ast.IfExp) -> Type:
         self.condition(node.test)
         a, b = self.expression(node.body), self.expression(node.orelse)
         try:
@@ -278,7 +274,7 @@ class ExpressionInference(Static):
         except MixedError:
             raise self.error(node, f"is {describe(a)} or {describe(b)}", "Use one kind") from None
 
-    def several(self, node: ast.Tuple) -> Type:
+    def visit_Tuple(self, node: ast.Tuple) -> Type:
         items = tuple(self.expression(element) for element in node.elts)
         if any(not isinstance(item, Scalar | Tuple | UnknownType) for item in items):
             raise self.error(node, "holds more than numbers", "Use numbers")

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import ast
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from twin.compiler.infer.calls import LOOP, CallInference
-from twin.compiler.infer.expressions import FORBIDDEN, element
+from twin.compiler.infer.expressions import element
 from twin.compiler.infer.program import Program, TypedFunction
 from twin.compiler.infer.static import NotStaticError
 from twin.compiler.resolve import TranslationError
@@ -29,8 +29,6 @@ from twin.compiler.types import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from twin.compiler.resolve import FunctionSource
 
 ROUNDS = 12  # passes after which types must have settled; each can only grow twice
@@ -72,20 +70,15 @@ class Inference(CallInference):
     def block(self, statements: list[ast.stmt]) -> None:
         """Statements in their order; one that has no form in C keeps no other from being looked at."""
         for statement in statements:
-            rule = STATEMENTS.get(type(statement))
             try:
-                if rule is None:
-                    raise self.error(
-                        statement, "has no form in C", FORBIDDEN.get(type(statement), "Write it otherwise")
-                    )
-                rule(self, statement)
+                self.visit(statement)
             except TranslationError as error:
                 self.program.problems[str(error)] = None
                 for node in walk(statement):
                     if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
                         self.function.locals.setdefault(node.id, UNKNOWN)
 
-    def assign(self, node: ast.Assign) -> None:
+    def visit_Assign(self, node: ast.Assign) -> None:
         if len(node.targets) > 1:
             kind = self.expression(node.value)
             for target in node.targets:
@@ -101,11 +94,11 @@ class Inference(CallInference):
             return
         self.store(target, self.expression(node.value), node.value)
 
-    def annotated(self, node: ast.AnnAssign) -> None:
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
         if node.value is not None:
             self.store(node.target, self.expression(node.value), node.value)
 
-    def augmented(self, node: ast.AugAssign) -> None:
+    def visit_AugAssign(self, node: ast.AugAssign) -> None:
         value = self.binary_type(node, self.expression(node.target), node.op, node.value)
         if self.has_effect(node.target):
             raise self.error(node, "calls a function for the place it changes", "Give the index a name first")
@@ -168,7 +161,7 @@ class Inference(CallInference):
             raise self.error(target, f"unpacks {len(items)} values", "Give each a name")
         return items
 
-    def branch(self, node: ast.If) -> None:
+    def visit_If(self, node: ast.If) -> None:
         chosen = self.chosen(node)
         if chosen is not None:
             self.block(chosen)
@@ -187,13 +180,13 @@ class Inference(CallInference):
             return None  # `if True:` is written as it stands
         return node.body if value else node.orelse
 
-    def loop_while(self, node: ast.While) -> None:
+    def visit_While(self, node: ast.While) -> None:
         if node.orelse:
             raise self.error(node, "has an `else`", "Use a variable for it")
         self.condition(node.test)
         self.block(node.body)
 
-    def loop_for(self, node: ast.For) -> None:
+    def visit_For(self, node: ast.For) -> None:
         if node.orelse:
             raise self.error(node, "has an `else`", "Use a variable for it")
         if is_range(node.iter, self.source):
@@ -223,7 +216,7 @@ class Inference(CallInference):
             if step == 0:
                 raise self.error(call.args[2], "is no step", "Use a number that is not 0")
 
-    def give(self, node: ast.Return) -> None:
+    def visit_Return(self, node: ast.Return) -> None:
         kind: Type = NOTHING if node.value is None else self.expression(node.value)
         if isinstance(kind, StaticObject) and kind.value is None:
             kind = NOTHING
@@ -234,15 +227,17 @@ class Inference(CallInference):
         except MixedError:
             raise self.error(node, "returns another kind than before", "Return the same everywhere") from None
 
-    def statement(self, node: ast.Expr) -> None:
+    def visit_Expr(self, node: ast.Expr) -> None:
         if isinstance(node.value, ast.Constant):
             return
         if not isinstance(node.value, ast.Call):
             raise self.error(node, "computes what nobody takes", "Assign it, or drop it")
         self.expression(node.value)
 
-    def nothing(self, node: ast.stmt) -> None:
+    def visit_Pass(self, node: ast.stmt) -> None:
         """`pass`, `break`, `continue`."""
+
+    visit_Break = visit_Continue = visit_Pass
 
 
 def returns(statements: list[ast.stmt]) -> bool:
@@ -269,32 +264,3 @@ def is_range(node: ast.expr, source: FunctionSource) -> bool:
 def program() -> Program:
     """An empty program, whose functions are inferred here."""
     return Program(lambda program, function: Inference(program, function).run())
-
-
-STATEMENTS: dict[type[ast.stmt], Callable[[Inference, Any], None]] = {
-    ast.Assign: Inference.assign,
-    ast.AnnAssign: Inference.annotated,
-    ast.AugAssign: Inference.augmented,
-    ast.If: Inference.branch,
-    ast.While: Inference.loop_while,
-    ast.For: Inference.loop_for,
-    ast.Return: Inference.give,
-    ast.Expr: Inference.statement,
-    ast.Pass: Inference.nothing,
-    ast.Break: Inference.nothing,
-    ast.Continue: Inference.nothing,
-}
-
-Inference.expressions = {
-    ast.Constant: Inference.constant,
-    ast.Name: Inference.name,
-    ast.Attribute: Inference.attribute,
-    ast.Subscript: Inference.subscript,
-    ast.UnaryOp: Inference.unary,
-    ast.BinOp: Inference.binary,
-    ast.BoolOp: Inference.logic,
-    ast.Compare: Inference.compare,
-    ast.IfExp: Inference.choice,
-    ast.Tuple: Inference.several,
-    ast.Call: Inference.call,
-}

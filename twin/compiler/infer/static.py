@@ -38,7 +38,7 @@ class NotStaticError(Exception):
     """The value of an expression is not known while translating."""
 
 
-class Static:
+class Static(ast.NodeVisitor):
     """Values that are known while translating."""
 
     def __init__(self, program: Program, function: TypedFunction) -> None:

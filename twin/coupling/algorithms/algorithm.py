@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, ABCMeta
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -14,11 +15,22 @@ from twin.coupling.variable_step.record_layout import DOUBLING, FIXED, PREDICTED
 from twin.errors import CouplingError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
 
     from twin.coupling.member import Member
     from twin.coupling.system import ResolvedConnection
 
+Limits = tuple[float, float, bool]  # lowest and highest value of an option, and whether it must be above the lowest
+LIMITS: Mapping[str, Limits] = {
+    "order": (0, 2, False),
+    "smoothing": (0.0, 1.0, False),
+    "tolerance": (0.0, 1.0, True),
+    "smallest": (1, 1e18, False),  # [ns]
+    "floor": (0.0, 1e300, True),
+    "iterations": (0, 1000, False),
+    "agreement": (0.0, 1.0, True),
+    "correction": (0.0, 1.0, False),
+}
 FINEST = 1 << 16  # largest number of divisions of a step, with which times stay exact
 
 
@@ -74,15 +86,18 @@ class Algorithm(ABC, metaclass=AlgorithmRegistry):
     name: ClassVar[str] = ""
     is_sequential: ClassVar[bool] = False  # members are stepped one by one, along the connections
     control: ClassVar[int] = FIXED
-    scheme: ClassVar[int] = 0
+    limits: ClassVar[Mapping[str, Limits]] = LIMITS
+    fewest: ClassVar[int] = 1  # smallest steps that a step is made of at least
 
     order: int = 0
     smoothing: float = 0.0
 
     # options of algorithms that iterate, control steps, or correct energy
     iterations: ClassVar[int] = 0
+    acceleration: ClassVar[str] = SCHEMES[0]
     agreement: ClassVar[float] = 0.0
     tolerance: ClassVar[float] = 0.0
+    smallest: ClassVar[int] = 0  # step [ns]; 0: all steps are of one length
     floor: ClassVar[float] = 0.0
     correction: ClassVar[float] = 0.0
     scales: ClassVar[Mapping[str, Any]] = {}  # known sizes [SI] by `member.variable`
@@ -100,10 +115,14 @@ class Algorithm(ABC, metaclass=AlgorithmRegistry):
             AlgorithmRegistry.classes[cls.name] = cls
 
     def __post_init__(self) -> None:
-        self._limited("order", 0, 2)
-        self._limited("smoothing", 0.0, 1.0)
+        for option in fields(self):
+            if option.name in self.limits:
+                self._check(option.name, *self.limits[option.name])
+        if self.acceleration not in SCHEMES:
+            hint = nearest(self.acceleration, list(SCHEMES))
+            raise CouplingError(f"algorithm: {self.name} has no acceleration {self.acceleration!r}. {hint}")
 
-    def _limited(self, option: str, low: float, high: float, above: bool = False) -> None:
+    def _check(self, option: str, low: float, high: float, above: bool) -> None:
         """Raise CouplingError if an option is outside of its range."""
         value = getattr(self, option)
         is_valid = isinstance(value, int | float) and not isinstance(value, bool)
@@ -138,6 +157,11 @@ class Algorithm(ABC, metaclass=AlgorithmRegistry):
         return f"{self.name} ({options})" if options else self.name
 
     @property
+    def scheme(self) -> int:
+        """Number of the acceleration."""
+        return SCHEMES.index(self.acceleration)
+
+    @property
     def is_plain(self) -> bool:
         """Whether the fixed-step loop runs it."""
         return self.order == 0 and not self.rolls_back and self.control == FIXED and self.correction == 0
@@ -158,7 +182,7 @@ class Algorithm(ABC, metaclass=AlgorithmRegistry):
 
     def divisions(self, step: clock.Time) -> int:
         """Return the number of smallest steps in a step [ns]: a power of two."""
-        return 1 if step else 0
+        return halvings(step, self.smallest, self.fewest) if self.smallest else 1 if step else 0
 
     @staticmethod
     def every() -> list[Algorithm]:
@@ -173,13 +197,6 @@ class Algorithm(ABC, metaclass=AlgorithmRegistry):
         """Return notes for the user."""
         del corrected
         return []
-
-
-def scheme_number(name: str, owner: str) -> int:
-    """Return the number of an acceleration scheme; CouplingError if it is unknown."""
-    if name not in SCHEMES:
-        raise CouplingError(f"algorithm: {owner} has no acceleration {name!r}. {nearest(name, list(SCHEMES))}")
-    return SCHEMES.index(name)
 
 
 def halvings(step: clock.Time, smallest: clock.Time, fewest: int = 1) -> int:

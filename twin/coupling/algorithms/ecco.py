@@ -9,8 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from twin import clock
-from twin.coupling.algorithms.algorithm import Algorithm, halvings
+from twin.coupling.algorithms.algorithm import Algorithm
 from twin.coupling.bonds import find_bonds, find_power_pairs
 from twin.coupling.variable_step.record_layout import RESIDUAL
 
@@ -32,20 +31,9 @@ class Ecco(Algorithm):
 
     order: int = 1
     tolerance: float = 1e-3  # type: ignore[misc]
-    smallest: int = 1_000  # [ns]
+    smallest: int = 1_000  # type: ignore[misc]  # [ns]
     floor: float = 1e-12  # type: ignore[misc]
     correction: float = 0.0  # type: ignore[misc]
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._limited("tolerance", 0.0, 1.0, above=True)
-        self._limited("smallest", 1, 1e18)
-        self._limited("floor", 0.0, 1e300, above=True)
-        self._limited("correction", 0.0, 1.0)
-
-    def divisions(self, step: clock.Time) -> int:
-        """Return the number of smallest steps in a step [ns]."""
-        return halvings(step, self.smallest)
 
     def corrected(self, links: list[ResolvedConnection]) -> list[ResolvedConnection]:
         """Return the connections of all power bonds; CouplingError if a bond has no power."""

@@ -7,10 +7,11 @@ coupling error reduction in non-iterative co-simulations, Eng. Comput. 36, 2020.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from twin.coupling.algorithms.algorithm import Algorithm
+from twin.coupling.algorithms.algorithm import LIMITS, Algorithm, Limits
 from twin.coupling.bonds import find_bonds
 
 if TYPE_CHECKING:
@@ -26,13 +27,10 @@ class Energy(Algorithm):
     """
 
     name: ClassVar[str] = "energy"
+    limits: ClassVar[Mapping[str, Limits]] = {**LIMITS, "correction": (0.0, 1.0, True)}
 
     order: int = 1
     correction: float = 1.0  # type: ignore[misc]
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._limited("correction", 0.0, 1.0, above=True)
 
     def corrected(self, links: list[ResolvedConnection]) -> list[ResolvedConnection]:
         """Return the connections of all power bonds."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from twin.coupling.algorithms.algorithm import Algorithm, scheme_number
+from twin.coupling.algorithms.algorithm import LIMITS, Algorithm, Limits
 from twin.errors import CouplingError
 
 CONSEQUENCES = ("note", "stop")
@@ -24,8 +24,9 @@ class Iterative(Algorithm):
 
     name: ClassVar[str] = "iterative"
     is_sequential: ClassVar[bool] = True
+    limits: ClassVar[Mapping[str, Limits]] = {**LIMITS, "iterations": (1, 1000, False)}
 
-    acceleration: str = "anderson"
+    acceleration: str = "anderson"  # type: ignore[misc]
     agreement: float = 1e-6  # type: ignore[misc]
     iterations: int = 20  # type: ignore[misc]
     floor: float = 1e-12  # type: ignore[misc]
@@ -34,10 +35,6 @@ class Iterative(Algorithm):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._limited("agreement", 0.0, 1.0, above=True)
-        self._limited("iterations", 1, 1000)
-        self._limited("floor", 0.0, 1e300, above=True)
-        scheme_number(self.acceleration, self.name)
         if self.unsolved not in CONSEQUENCES:
             raise CouplingError(f"algorithm: unsolved of {self.name} is {self.unsolved!r}. Give note or stop.")
 
@@ -45,8 +42,3 @@ class Iterative(Algorithm):
     def is_strict(self) -> bool:  # type: ignore[override]
         """Whether a step that does not converge ends the run."""
         return self.unsolved == "stop"
-
-    @property
-    def scheme(self) -> int:  # type: ignore[override]
-        """Number of the acceleration."""
-        return scheme_number(self.acceleration, self.name)

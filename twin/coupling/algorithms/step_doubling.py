@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from twin import clock
-from twin.coupling.algorithms.algorithm import halvings
 from twin.coupling.algorithms.controlled import Controlled
 from twin.coupling.variable_step.record_layout import DOUBLING
 
@@ -20,7 +18,4 @@ class StepDoubling(Controlled):
 
     name: ClassVar[str] = "step_doubling"
     control: ClassVar[int] = DOUBLING
-
-    def divisions(self, step: clock.Time) -> int:
-        """Return the number of smallest halves in a step [ns]."""
-        return halvings(step, self.smallest, 2)
+    fewest: ClassVar[int] = 2  # both halves

@@ -17,9 +17,8 @@ import numpy as np
 
 from twin import clock
 from twin.coupling.component_member import RecordMember
-from twin.coupling.execution import loop
 from twin.coupling.execution.plan import Key, LoopPlan
-from twin.coupling.execution.value_memory import bits, kind, view
+from twin.coupling.execution.value_memory import bits, kind, silent_copy, view
 from twin.coupling.system import stepping_order
 
 if TYPE_CHECKING:
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
 COMPUTED = ("output", "local")
 REMEDY = "Correct its parameters or start values, or write `finite: false` for the member if that is meant."
 LINE = "The backend `interpreted` warns at the line of the code. "
-NEVER = 1 << 62  # communication points between two rows: no recording
 
 
 def finite_variables(member: Member) -> list[MemberVariable]:
@@ -94,18 +92,6 @@ class Saved:
     lines: dict[str, int]  # number of log lines by member
 
 
-def merge_adjacent(rows: list[list[int]]) -> list[list[int]]:
-    """Merge rows of the loop's table of limits that are adjacent in memory."""
-    result: list[list[int]] = []
-    for row in sorted(rows):
-        last = result[-1] if result else row
-        if last[1] == row[1] == loop.KINDS["f8"] and last[0] + 8 * last[2] == row[0]:
-            last[2] += row[2]
-        else:
-            result.append(row)
-    return result
-
-
 class FiniteValueMonitor:
     """Monitor of the members of a co-simulation. `exempt`: members that may compute values that are not finite."""
 
@@ -141,7 +127,6 @@ class FiniteValueMonitor:
                 if address := self.members[name].address(variable.name) or published:
                     row = [address, kind(variable.dtype), variable.size, bits(-largest), bits(largest)]
                     self._rows.append((None, row))
-        self._rows = [(None, row) for row in merge_adjacent([row for _, row in self._rows])]
         for (name, input_), address in plan.staged.items():
             variable = self.members[name].variables[input_]
             if variable.is_bounded:
@@ -183,7 +168,7 @@ class FiniteValueMonitor:
         if self.replays:
             states = {name: member.save() for name, member in self.members.items()}
             lines = {name: len(member.log) for name, member in self.members.items()}
-            self._saved = Saved(record.copy(), [block.copy() for block in plan.memory.blocks], states, lines)
+            self._saved = Saved(record.copy(), plan.memory.saved(), states, lines)
 
     def forget(self) -> None:
         """Discard the saved state: after a change from outside its steps would differ."""
@@ -197,16 +182,11 @@ class FiniteValueMonitor:
     def _restore(self, plan: LoopPlan) -> np.ndarray[Any, Any]:
         """Restore the saved state; return a loop record that records and reports nothing."""
         assert self._saved is not None
-        for block, saved in zip(plan.memory.blocks, self._saved.blocks, strict=True):
-            block[:] = saved
+        plan.memory.restore(self._saved.blocks)
         for name, member in self.members.items():
             member.restore(self._saved.members[name])
             del member.log[self._saved.lines[name] :]
-        record = self._saved.record.copy()
-        record["every"], record["limit"] = NEVER, NEVER
-        record["limit_count"] = record["condition_count"] = 0
-        record["derives"] = 0  # Requests for a Jacobian would not be answered here.
-        return record
+        return silent_copy(self._saved.record)
 
     def find_first_tick(self, end: int, run: Callable[[int], int], plan: LoopPlan) -> int:
         """Find the first tick with a value that is not finite, by bisection up to `end`; the members are at it afterwards.

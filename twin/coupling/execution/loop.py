@@ -100,17 +100,17 @@ RECORD = np.dtype(
 )
 
 
-def copy(row: int, count: int) -> None:
-    """Copy blocks of 64-bit words from source to target."""
+def copy(row: int, count: int, shift: int) -> None:
+    """Copy blocks of 64-bit words; `shift` is added to the target address (the row being recorded)."""
     for _ in range(count):
-        source, target = read64(row), read64(row + 8)
+        source, target = read64(row), read64(row + 8) + shift
         for j in range(read64(row + 16)):
             write64(target + 8 * j, read64(source + 8 * j))
         row += 24
 
 
 def convert(row: int, count: int, shift: int) -> None:
-    """Convert types and units; `shift` is added to the target address (the row being recorded)."""
+    """Convert types and units; `shift` as in `copy`."""
     for _ in range(count):
         source, source_kind = read64(row), read64(row + 8)
         target, target_kind = read64(row + 16) + shift, read64(row + 24)
@@ -122,19 +122,16 @@ def convert(row: int, count: int, shift: int) -> None:
         row += 56
 
 
-def record_words(address: int, tick: int, row: int, count: int) -> None:
-    """Write the tick, then the recorded 64-bit values; small enough to be inlined in `run`."""
-    write64(address, tick)
-    for _ in range(count):
-        source, target = read64(row), read64(row + 8) + address
-        for j in range(read64(row + 16)):
-            write64(target + 8 * j, read64(source + 8 * j))
-        row += 24
+def move(operation: int) -> None:
+    """Run the copies and conversions of an operation."""
+    copy(read64(operation + 24), read64(operation + 32), 0)
+    convert(read64(operation + 40), read64(operation + 48), 0)
 
 
 def record(self: Any) -> None:
-    """Write one row, outside of `run`."""
-    record_words(self.next_row, self.tick, self.records, self.record_count)
+    """Write a row: the tick, then the recorded values."""
+    write64(self.next_row, self.tick)
+    copy(self.records, self.record_count, self.next_row)
     convert(self.record_converts, self.record_convert_count, self.next_row)
     self.next_row += self.row_bytes
 
@@ -198,12 +195,7 @@ def run(self: Any) -> int:
         for _ in range(operation_count):
             divider = read64(operation)
             if divider == 1 or (tick + read64(operation + 8)) % divider == 0:
-                count = read64(operation + 32)
-                if count > 0:
-                    copy(read64(operation + 24), count)
-                count = read64(operation + 48)
-                if count > 0:
-                    convert(read64(operation + 40), count, 0)
+                move(operation)
                 if access(self, read64(operation + 56), read64(operation + 64)) != 0:
                     return FAILED
                 h = read_float(operation + 16)
@@ -226,11 +218,7 @@ def run(self: Any) -> int:
         tick += 1
         self.tick = tick
         if every == 1 or tick % every == 0:
-            row_address = self.next_row
-            record_words(row_address, tick, self.records, self.record_count)
-            if self.record_convert_count > 0:
-                convert(self.record_converts, self.record_convert_count, row_address)
-            self.next_row = row_address + self.row_bytes
+            record(self)
         if self.finished != 0:
             return FINISHED
         if is_checked:

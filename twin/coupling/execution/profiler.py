@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin.compiler import machine
 from twin.coupling.execution import loop
 from twin.errors import CouplingError
 
@@ -30,7 +31,7 @@ def clock_address() -> int:
     """Return the address of the system's `clock_gettime`, which the loop can call like an FMU's getter."""
     if not sys.platform.startswith("linux"):
         raise CouplingError("profile: reads Linux's clock from the loop. Run it on Linux.")
-    return ctypes.cast(ctypes.CDLL(None).clock_gettime, ctypes.c_void_p).value or 0
+    return machine.address_of(ctypes.CDLL(None).clock_gettime)
 
 
 class Stopwatch:

@@ -14,16 +14,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.compiler import machine
+from twin.component import solver
 from twin.coupling.member import StateAccess
-from twin.errors import TwinError, described
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from twin.coupling.member import Member
     from twin.coupling.system import ResolvedConnection
-
-OK, ERROR = 0, 3
 
 Key = tuple[str, str]
 
@@ -79,30 +77,20 @@ class StringBinaryLinks:
 
     def state_access(self, count: int) -> StateAccess:
         """Return the state access for rollback of the values stored here, with `count` saved points."""
-        saved: dict[int, tuple[Any, ...]] = {}  # by the address of their pointers
-        pointers = [ctypes.c_void_p() for _ in range(count)]
+        saved: dict[int, dict[str, list[Any]]] = {}  # by the address of their pointers
 
         def save(_instance: int, address: int) -> int:
             machine.write64(address, address)
-            inputs = {key: values.copy() for key, values in self.inputs.items()}
-            saved[address] = dict(self.published), inputs, dict(self.last_set)
-            return OK
+            saved[address] = self.values()
+            return solver.OK
 
         def restore(_instance: int, address: int) -> int:
-            published, inputs, last_set = saved[address]
-            self.published, self.last_set = dict(published), dict(last_set)
-            for key, values in inputs.items():
-                self.inputs[key][:] = values
-            return OK
+            self.restore(saved[address])
+            return solver.OK
 
-        callbacks = machine.STATE(save), machine.STATE(restore)
-        self._callbacks += [*callbacks, *pointers]
-        addresses = [ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in callbacks]
-        return StateAccess(
-            get=addresses[0],
-            set=addresses[1],
-            pointer_addresses=tuple(ctypes.addressof(pointer) for pointer in pointers),
-        )
+        access = StateAccess.from_callbacks(save, restore, [ctypes.c_void_p() for _ in range(count)])
+        self._callbacks.append(access)
+        return access
 
     def values(self) -> dict[str, list[Any]]:
         """Return all values as plain data: a list of [member, variable, elements] for each kind of value."""
@@ -136,18 +124,8 @@ class StringBinaryLinks:
 
     def _row(self, name: str, function_name: str, call: Callable[[], None]) -> list[int]:
         """Return a row of the table of accesses that runs a callback."""
-
-        def callback(*_: int) -> int:
-            try:
-                call()
-            except BaseException as error:  # no exception may pass through native frames
-                self.members[name].failure = error
-                self.members[name].log.append(str(error) if isinstance(error, TwinError) else described(error))
-                return ERROR
-            return OK
-
-        function = machine.ACCESS(callback)
-        address = ctypes.cast(function, ctypes.c_void_p).value or 0
+        function = machine.ACCESS(self.members[name].guarded(lambda *_: call()))
+        address = machine.address_of(function)
         self._callbacks.append(function)
         self.names[address] = function_name
         return [address, 0, 0, 0, 0, 0]

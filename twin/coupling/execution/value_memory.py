@@ -13,6 +13,8 @@ from twin.coupling.execution import loop
 if TYPE_CHECKING:
     from twin.coupling.member import MemberVariable
 
+NEVER = 1 << 62  # communication points between two rows: no recording
+
 
 @dataclass
 class ValueMemory:
@@ -30,6 +32,24 @@ class ValueMemory:
         address = int(self.blocks[-1].ctypes.data) + 8 * self.used
         self.used += words
         return address
+
+    def saved(self) -> list[np.ndarray[Any, Any]]:
+        """Return a copy of the content."""
+        return [block.copy() for block in self.blocks]
+
+    def restore(self, saved: list[np.ndarray[Any, Any]]) -> None:
+        """Restore the content that `saved` returned."""
+        for block, content in zip(self.blocks, saved, strict=True):
+            block[:] = content
+
+
+def silent_copy(record: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Return a copy of the loop's record with which the loop records and reports nothing."""
+    record = record.copy()
+    record["every"] = record["limit"] = NEVER
+    record["limit_count"] = record["condition_count"] = 0
+    record["derives"] = 0  # Requests for a Jacobian would not be answered: Newton's method uses differences.
+    return record
 
 
 def view(address: int, variable: MemberVariable) -> np.ndarray[Any, Any]:

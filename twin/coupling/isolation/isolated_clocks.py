@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.compiler import machine
 from twin.coupling.isolation.isolated_member import IsolatedMember
 from twin.coupling.isolation.isolated_worker import from_words, to_words
 from twin.coupling.member import Access, MemberVariable
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from twin import clock
 
-OK, ERROR = 0, 3
 WIDEST = 8  # size of the widest scalar and alignment of all variables [byte]
 
 
@@ -30,6 +30,15 @@ class SharedSlot:
 
     variable: MemberVariable
     values: np.ndarray[Any, Any]
+
+
+def in_process(method: str) -> Callable[..., Any]:
+    """Return a method of `events.Clocked` that calls the member's own in its process."""
+
+    def call(self: IsolatedClocks, *arguments: Any) -> Any:
+        return self._event(method, *arguments)
+
+    return call
 
 
 class IsolatedClocks(IsolatedMember):
@@ -44,7 +53,6 @@ class IsolatedClocks(IsolatedMember):
         self.event_time: clock.Time | None = None
         self.ended = self.has_jumped = False
         self._is_running = self._rests = False
-        self._calls: list[Any] = []
         size = sum(self._room(variable) for variable in self.variables.values())
         first = self._take(size)
         self._span = first, first + size
@@ -83,23 +91,12 @@ class IsolatedClocks(IsolatedMember):
 
     def access(self, names: list[str], write: bool) -> Access:
         """Return a call that moves values between the loop's memory and the shared slots."""
-        slots = [self.slot(name) for name in names]
 
-        def move_values(_instance: int, _references: int, _count: int, address: int, _size: int) -> int:
-            try:
-                for slot in slots:
-                    ends = (slot.values.ctypes.data, address) if write else (address, slot.values.ctypes.data)
-                    ctypes.memmove(*ends, slot.values.nbytes)
-                    address += slot.values.nbytes
-                    if write and not self._is_running:
-                        self.set(slot.variable.name, slot.values.reshape(slot.variable.shape)[()])
-            except BaseException as error:  # no exception may pass through native frames
-                self.failure = error
-                return ERROR
-            return OK
+        def set_before_run(slot: SharedSlot) -> None:
+            if not self._is_running:
+                self.set(slot.variable.name, slot.values.reshape(slot.variable.shape)[()])
 
-        self._calls.append(machine.ACCESS(move_values))
-        return Access.from_callback(self._calls[-1], [slot.variable for slot in slots])
+        return self.slot_access([self.slot(name) for name in names], write, set_before_run)
 
     # interface `events.Clocked`
 
@@ -127,37 +124,14 @@ class IsolatedClocks(IsolatedMember):
             self.slots[name].values[:] = elements
         return answer
 
-    def due_clocks(self, now: clock.Time) -> list[str]:
-        """Return the clocks that tick now."""
-        return list(self._event("due_clocks", now))
-
-    def has_news(self, now: clock.Time) -> bool:
-        """Whether the member has an event now, regardless of its clocks."""
-        return bool(self._event("has_news", now))
-
-    def enter_events(self, now: clock.Time) -> None:
-        """Enter Event Mode."""
-        self._event("enter_events", now)
-
-    def tick(self, name: str, now: clock.Time) -> bool:
-        """Activate an input clock in this instant; return whether it was inactive."""
-        return bool(self._event("tick", name, now))
-
-    def evaluate(self, now: clock.Time) -> bool:
-        """Set the member's clocks and inputs, then read its outputs; return whether anything was set."""
-        return bool(self._event("evaluate", now))
-
-    def ticked_clocks(self) -> list[str]:
-        """Return the output clocks that have ticked since the last call."""
-        return list(self._event("ticked_clocks"))
-
-    def finish(self, now: clock.Time) -> bool:
-        """End the instant; return whether another one is needed."""
-        return bool(self._event("finish", now))
-
-    def leave_events(self) -> None:
-        """Leave Event Mode for Step Mode."""
-        self._event("leave_events")
+    due_clocks = in_process("due_clocks")
+    has_news = in_process("has_news")
+    enter_events = in_process("enter_events")
+    tick = in_process("tick")
+    evaluate = in_process("evaluate")
+    ticked_clocks = in_process("ticked_clocks")
+    finish = in_process("finish")
+    leave_events = in_process("leave_events")
 
     def rest(self) -> None:
         """Begin a new communication step: all clocks are inactive. Sent with the next message."""

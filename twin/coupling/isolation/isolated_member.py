@@ -42,7 +42,7 @@ from twin.errors import CouplingError, SimulationError, TwinError, described
 from twin.process import SIGNALS, CrashReport
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
 LINES = 20  # largest number of log lines
@@ -75,6 +75,15 @@ def pickled(inner: Member, build: Path, room: tuple[int, int] | None) -> bytes:
             f"{inner.name}: another process cannot make it: {described(error)}. "
             "Define its class at the top of a module, not of a script or in a function, or leave `isolate` out."
         ) from None
+
+
+def in_process(method: str) -> Callable[..., Any]:
+    """Return a method that calls the member's own in its process."""
+
+    def call(self: IsolatedMember, *arguments: Any) -> Any:
+        return self._request(method, *arguments)
+
+    return call
 
 
 class IsolatedMember(Member):
@@ -277,9 +286,7 @@ class IsolatedMember(Member):
         self.step_name = self._request("instantiate")
         self._phase = "initialization"
 
-    def enter_initialization(self, t: float, stop: float | None) -> None:
-        """Enter InitializationMode at t [s]."""
-        self._request("enter_initialization", t, stop)
+    enter_initialization = in_process("enter_initialization")
 
     def exit_initialization(self) -> None:
         """Leave InitializationMode for StepMode."""
@@ -319,18 +326,11 @@ class IsolatedMember(Member):
             raise CouplingError(f"{self.name}: is read in more ways than an isolated member can be. Do not isolate it.")
         return offset
 
-    def finish_reason(self) -> str:
-        """Return why the member discarded its step."""
-        return str(self._request("finish_reason"))
-
-    def failed(self, status: int) -> None:
-        """Tell the member that its step returned `status`."""
-        self._request("failed", status)
-
-    def last_successful_time(self, reached: float) -> float | None:
-        """Return the time [s] that the last step reached."""
-        last_time: float | None = self._request("last_successful_time", reached)
-        return last_time
+    finish_reason = in_process("finish_reason")
+    failed = in_process("failed")
+    last_successful_time = in_process("last_successful_time")
+    serialize = in_process("serialize")
+    deserialize = in_process("deserialize")
 
     def save(self) -> None:
         """Save the member's state in its process."""
@@ -343,14 +343,6 @@ class IsolatedMember(Member):
     def serialization_problem(self) -> str:
         """Return why the member cannot serialize its state."""
         return self._inner.serialization_problem()
-
-    def serialize(self) -> bytes:
-        """Return the state in the member's process as bytes."""
-        return bytes(self._request("serialize"))
-
-    def deserialize(self, data: bytes) -> None:
-        """Restore a serialized state in the member's process."""
-        self._request("deserialize", data)
 
     def close(self) -> None:
         """Close the member and end its process. Safe to call twice and in any state."""

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from twin import clock, compiler
+from twin.compiler import machine
 from twin.coupling.component_member import RecordMember
 from twin.coupling.member import Access, Member
 from twin.errors import SimulationError, TwinError, described
@@ -177,7 +178,7 @@ def unmap_memory(address: int, size: int) -> None:
 def system_calls(names: Iterable[str]) -> dict[str, int]:
     """Return the addresses of functions of the C library."""
     library = ctypes.CDLL(None)
-    return {name: ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0 for name in names}
+    return {name: machine.address_of(getattr(library, name)) for name in names}
 
 
 class Worker:

@@ -17,7 +17,7 @@ from twin import clock
 from twin.component import Role
 from twin.coupling.component_member import RecordMember
 from twin.coupling.execution import loop
-from twin.coupling.execution.value_memory import view
+from twin.coupling.execution.value_memory import silent_copy, view
 from twin.coupling.stability.growth_by_response import growth_of_responses
 from twin.coupling.stability.linear_member import LinearMember
 from twin.coupling.variable_step.record_layout import FIXED
@@ -38,7 +38,6 @@ SMALL = 1e-3  # size of a value without a nominal one [its SI unit]
 LONGEST = 10_000  # largest number of communication steps of a cycle
 DENSE = 120  # largest number of values for a dense matrix
 SUBSPACE = 40  # dimension of Arnoldi's iteration for more values
-NEVER = 2**62
 HELP = "Export it with its state (canGetAndSetFMUstate; PythonFMU: `--handle-state`) or with directional derivatives."
 
 
@@ -160,12 +159,11 @@ class Deviation:
     def growth(self) -> Growth:
         """Compute the fastest growth; see the function `growth`."""
         begin = self.read()
-        blocks = [block.copy() for block in self.plan.memory.blocks]
+        memory = self.plan.memory.saved()
         states = {name: member.save() for name, member in self.simulated.members.items()}
 
         def restore() -> None:
-            for block, saved in zip(self.plan.memory.blocks, blocks, strict=True):
-                block[:] = saved
+            self.plan.memory.restore(memory)
             for name, member in self.simulated.members.items():
                 member.restore(states[name])
 
@@ -204,10 +202,7 @@ class Deviation:
 
     def answers(self, count: int, steps: int) -> list[Array]:
         """Return all values after every `steps` steps of the loop, `count` times; nothing is recorded or reported."""
-        record = self.simulated._record.copy()
-        record["every"], record["limit"] = NEVER, NEVER
-        record["limit_count"] = record["condition_count"] = 0
-        record["derives"] = 0  # Newton's method uses differences for its Jacobian.
+        record = silent_copy(self.simulated._record)
         results = []
         for _ in range(count):
             record["stop"] = record["tick"] + steps

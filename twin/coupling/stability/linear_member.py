@@ -5,12 +5,10 @@ It replaces a member without rollback in the stability analysis. Inputs are held
 
 from __future__ import annotations
 
-import ctypes
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.compiler import machine
 from twin.component import solver
 from twin.coupling.member import Access, Member, MemberVariable, StateAccess
 
@@ -50,8 +48,7 @@ class LinearMember(Member):
         n, m = len(self._a), sum(variable.size for variable in inputs)
         self._x, self._u, self._y = self._memory[:n], self._memory[n : n + m], self._memory[n + m :]
         self._before = self._u.copy(), self._y.copy()
-        self._callback = machine.STEP(self._step)
-        self.step_function = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
+        self.step_by(self._step)
         self.instance = int(self._memory.ctypes.data)
 
     def state_values(self) -> Iterator[tuple[str, Array]]:

@@ -15,7 +15,7 @@ from twin.compiler import (
     write64,
     write_float,
 )
-from twin.coupling.execution.loop import convert, copy
+from twin.coupling.execution.loop import access, move
 from twin.coupling.variable_step.input_extrapolation import USE, feed, value
 from twin.coupling.variable_step.record_layout import BEFORE, BEGIN, EARLY, FINAL, LAST, LEFT
 
@@ -23,28 +23,11 @@ SAVED, RESTORED, ACCEPTED = range(3)  # outcomes of a step that are reported to 
 ROUNDING = 1e-12  # tolerance of the end of a step, relative to its length
 
 
-def move(operation: int) -> None:
-    """Run the copies and conversions of an operation."""
-    count = read64(operation + 32)
-    if count > 0:
-        copy(read64(operation + 24), count)
-    count = read64(operation + 48)
-    if count > 0:
-        convert(read64(operation + 40), count, 0)
-
-
 def perform(self: Any, operation: int, t: float, h: float) -> int:
     """Run an operation: move values, call accesses, step from t by h [s]; return the status."""
     move(operation)
-    row = read64(operation + 56)
-    for _ in range(read64(operation + 64)):
-        self.at = row
-        references, values = read64(row + 16), read64(row + 32)
-        status = call_access(read64(row), read64(row + 8), references, read64(row + 24), values, read64(row + 40))
-        if status > 1:
-            self.member, self.status = read64(row + 48), status
-            return status
-        row += 56
+    if access(self, read64(operation + 56), read64(operation + 64)) != 0:
+        return int(self.status)
     row = read64(operation + 72)
     for _ in range(read64(operation + 80)):
         flags = read64(row + 24)

@@ -12,10 +12,10 @@ from __future__ import annotations
 from typing import Any
 
 from twin.compiler import read64, read_float, write_float
+from twin.coupling.execution.loop import move
 from twin.coupling.variable_step.explicit_step import (
     begin,
     end,
-    move,
     read_connections,
     restore_state,
     save_state,

@@ -143,7 +143,7 @@ class StepLogs:
     def connect(self, state: Any) -> None:
         """Write the callback to the loop's record."""
         state["pending"] = self.pending.ctypes.data
-        state["log_callback"] = ctypes.cast(self._callback, ctypes.c_void_p).value
+        state["log_callback"] = machine.address_of(self._callback)
 
     def stepping(self) -> AbstractContextManager[None]:
         """Buffer log lines in the block; at its end the remaining lines are forwarded: no rollback follows."""

@@ -20,7 +20,6 @@ from twin.coupling.variable_step.record_layout import (
     DOUBLING,
     END,
     FEED,
-    FIXED,
     HELD,
     NEWTON,
     NOW,
@@ -261,8 +260,3 @@ class VariableStepState:
     def forget(self) -> None:
         """Discard earlier points: after a change from outside they are no basis for extrapolation."""
         ctypes.memset(self.plan.past, 0, 3 * WORD)
-
-    @property
-    def is_fixed(self) -> bool:
-        """Whether every step is a tick."""
-        return self.algorithm.control == FIXED

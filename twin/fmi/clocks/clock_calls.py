@@ -23,11 +23,11 @@ class ClockedFMU(FMUWithSlots):
 
     def _describe(self, start_values: dict[str, Any]) -> None:
         self._intervals: dict[str, float] = {}
+        self._to_tick: list[str] = []  # clocks that are to tick at the next event
         super()._describe(start_values)
         declarations = self._unpacked.description.clocks
         self.clocks = {declaration.name: declaration for declaration in declarations.every}
         self.timers = {name: Timer(clock) for name, clock in self.clocks.items() if clock.is_time_based}
-        self._clocks_of = declarations.of
         self._sensed = [declaration for declaration in declarations.every if declaration.causality != "input"]
 
     def _start_values(self, given: dict[str, Any]) -> dict[str, np.ndarray[Any, Any]]:
@@ -79,6 +79,20 @@ class ClockedFMU(FMUWithSlots):
     def due(self) -> clock.Time | None:
         """When the next time-based clock ticks [ns]; None if none is scheduled."""
         return min((timer.due for timer in self.timers.values() if timer.due is not None), default=None)
+
+    def due_clocks(self, now: clock.Time) -> list[str]:
+        """Return the clocks that tick now: those due by time and those whose tick was requested."""
+        requested, self._to_tick = self._to_tick, []
+        return requested + [name for name, timer in self.timers.items() if timer.due is not None and timer.due <= now]
+
+    def request_tick(self, own: Clock, value: Any) -> None:
+        """Let a triggered input clock tick at the next event if `value` is true."""
+        if own.is_time_based or own.causality != "input":
+            raise FMUError(
+                f"{self.name}: {own.name} ticks by itself. Set a triggered input clock to true, to let it tick."
+            )
+        if values.boolean(value, f"{self.name}: {own.name}"):
+            self._to_tick.append(own.name)
 
     def read_interval(self, own: Clock) -> tuple[clock.Time | None, int]:
         """The interval [ns] until the next tick as the FMU returns it, and its qualifier."""

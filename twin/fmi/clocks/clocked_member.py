@@ -8,14 +8,12 @@ look. A clock's value is whether it has ticked since the last communication poin
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin import clock
 from twin.coupling import Access, MemberVariable
-from twin.errors import FMUError
 from twin.fmi import values
 from twin.fmi.clocks.clock_calls import ClockedFMU
 from twin.fmi.clocks.clock_declarations import Clock
@@ -23,8 +21,6 @@ from twin.fmi.importing.local_state import VariableSlot
 
 if TYPE_CHECKING:
     from twin.fmi.csv_tables import Inputs
-
-WORD = 8  # bytes that every scalar has room for
 
 
 class ClockedMember(ClockedFMU):
@@ -43,7 +39,6 @@ class ClockedMember(ClockedFMU):
         self.active: set[int] = set()  # clocks that tick in the present instant, by value reference
         self._new: list[Clock] = []  # active clocks not yet set in the FMU
         self._sensed_ticks: list[str] = []  # clocks that the FMU activated since `found` was called last
-        self._to_tick: list[str] = []  # clocks that are to tick at the next event
         self._waiting: dict[str, Any] = {}  # values to set at the next event
         self.is_running = self.has_signalled = self.ended = self.has_jumped = False
         self.event_time: clock.Time | None = None  # of an event that the FMU announced
@@ -55,7 +50,7 @@ class ClockedMember(ClockedFMU):
         self.begin_timers()
         declarations = self._unpacked.description.clocks
         for name, variable in self.variables.items():
-            clocked = variable.references[0] in self._clocks_of and variable.causality != "input"
+            clocked = variable.references[0] in self._unpacked.description.clocks.of and variable.causality != "input"
             if clocked or variable.type == "Clock":
                 slot = self.slot(name)
                 if clocked and variable.references[0] in declarations.initial:
@@ -65,11 +60,6 @@ class ClockedMember(ClockedFMU):
         self.take()
 
     # what `coupling.events` asks
-
-    def due_clocks(self, now: clock.Time) -> list[str]:
-        """Return the clocks that tick now: those due by time and those whose tick was requested."""
-        requested, self._to_tick = self._to_tick, []
-        return requested + [name for name, timer in self.timers.items() if timer.due is not None and timer.due <= now]
 
     def tick(self, name: str, now: clock.Time) -> bool:
         """Activate an input clock in the present instant; return False if it is active already."""
@@ -122,12 +112,8 @@ class ClockedMember(ClockedFMU):
     def _set_clock(self, own: Clock, value: Any) -> None:
         if own.is_settable and own.variability == "tunable" and self.is_running:
             self._waiting[own.name] = self._interval(own, value)
-        elif own.is_time_based or own.causality != "input":
-            raise FMUError(
-                f"{self.name}: {own.name} ticks by itself. Set a triggered input clock to true, to let it tick."
-            )
-        elif values.boolean(value, f"{self.name}: {own.name}"):
-            self._to_tick.append(own.name)
+        else:
+            self.request_tick(own, value)
 
     def apply_waiting(self, now: clock.Time) -> None:
         """Apply, at an event, the values that were set between events."""
@@ -148,7 +134,7 @@ class ClockedMember(ClockedFMU):
         if variable.type != "Clock" and (not self.is_running or slot is None):
             return super().get(name)
         assert slot is not None
-        return slot.values.reshape(variable.shape).copy()[()]
+        return slot.value
 
     def _write(self, variable: MemberVariable, value: np.ndarray[Any, Any]) -> None:
         super()._write(variable, value)
@@ -156,31 +142,15 @@ class ClockedMember(ClockedFMU):
             slot = self.slot(variable.name)
             slot.values[:] = slot.applied[:] = np.ravel(value)
 
-    def slot(self, name: str) -> VariableSlot:
-        """Return the slot of a variable, created at its first use."""
-        if name in self.slots:
-            return self.slots[name]
-        variable = self.variables[name]
-        room = self.room(WORD * variable.size) if variable.connectable else np.full(variable.size, None)
-        held = room.view(variable.dtype)[: variable.size]
+    def fill(self, slot: VariableSlot) -> None:
+        """Start with the start value, or with that of now."""
+        variable = slot.variable
         if variable.start is not None:
-            held[:] = np.ravel(variable.start)
-        references = frozenset(self._clocks_of.get(variable.references[0], ()))
-        is_input = variable.causality == "input" and variable.type != "Clock"
-        slot = self.slots[name] = VariableSlot(variable, is_input, held, held.copy(), references)
+            slot.values[:] = slot.applied[:] = np.ravel(variable.start)
         if variable.type != "Clock":
             self._group(slot).append(slot)
-        if variable.type != "Clock" and variable.connectable:
-            access = super().access([name], write=slot.is_input)
-            slot.name, slot.call = access.name, partial(access.call, self.instance, slot.address)
-            self._keep_alive.append(access)
-        if self.is_running and not slot.is_input and not slot.clocks and variable.type != "Clock":
-            self.move(slot)
-        return slot
-
-    def room(self, size: int) -> np.ndarray[Any, Any]:
-        """Fresh bytes for values."""
-        return np.zeros(size, np.uint8)
+            if self.is_running and not slot.is_input and not slot.clocks:
+                self.move(slot)
 
     def _group(self, slot: VariableSlot) -> list[VariableSlot]:
         if not slot.is_input:

@@ -6,7 +6,6 @@ changes any more in any member; fmi3UpdateDiscreteStates ends the instant of sup
 
 from __future__ import annotations
 
-import ctypes
 from typing import Any
 
 from twin import clock
@@ -27,8 +26,7 @@ class EventMember(ClockedMember):
 
     def _find_step(self) -> None:
         self._do_step = machine.STEP(self._address("DoStep"))
-        self._callback = machine.STEP(self.guarded(self._step))
-        self.step_function = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
+        self.step_by(self._step)
         self.in_events = True  # that is what Initialization Mode leads to
 
     def _step(self, instance: int, t: float, h: float, no_return: int, *flags: int) -> int:
@@ -66,17 +64,13 @@ class EventMember(ClockedMember):
 
     def finish(self, now: clock.Time) -> bool:
         """End the event iteration; return whether another one is needed."""
-        needed, terminate, nominals, states, is_defined = (ctypes.c_bool() for _ in range(5))
-        due = ctypes.c_double()
-        flags = [ctypes.byref(flag) for flag in (needed, terminate, nominals, states, is_defined)]
-        self._call("fmi3UpdateDiscreteStates", *flags, ctypes.byref(due))
+        needed, terminate, self.has_jumped, due = self.update_discrete_states()
         self._ticked |= self.active
         self.active.clear()
-        self.ended = self.ended or terminate.value
-        self.has_jumped = states.value
-        self.event_time = computed(due.value, f"{self.name}: next event") if is_defined.value else None
+        self.ended = self.ended or terminate
+        self.event_time = None if due is None else computed(due, f"{self.name}: next event")
         self.reschedule(now, self._ticked)
-        return needed.value
+        return needed
 
     def leave_events(self) -> None:
         """Back to Step Mode."""

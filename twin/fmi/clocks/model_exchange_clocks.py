@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from twin import clock
 from twin.coupling import Access
 from twin.errors import FMUError
-from twin.fmi import values
 from twin.fmi.clocks.clock_calls import ClockedFMU
 from twin.fmi.clocks.clock_declarations import computed
 from twin.fmi.importing.local_state import VariableSlot
@@ -26,7 +25,6 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
 
     def _describe(self, start_values: dict[str, Any]) -> None:
         self.active: set[int] = set()  # clocks that tick in the present instant, by value reference
-        self._to_tick: list[str] = []  # clocks whose tick was requested
         super()._describe(start_values)
         self.has_cheap_fmu_state = False  # The FMU state does not contain the timers.
 
@@ -40,7 +38,7 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
         """Query the first ticks and create the slots of clocked variables before the mode ends."""
         self.begin_timers()
         for name, variable in self.variables.items():
-            if variable.type == "Clock" or self._clocks_of.get(variable.references[0]):
+            if variable.type == "Clock" or self._unpacked.description.clocks.of.get(variable.references[0]):
                 self.slot(name)
         super().exit_initialization()
 
@@ -64,8 +62,7 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
 
     def is_open(self, slot: VariableSlot) -> bool:
         """Whether a variable may be read or set now."""
-        clocks = self._clocks_of.get(slot.variable.references[0], ())
-        return not clocks or self.is_initializing or not self.active.isdisjoint(clocks)
+        return self.is_initializing or slot.is_open(self.active)
 
     def move(self, slot: VariableSlot) -> None:
         """Move values between here and the FMU; those of clocks that do not tick stay as they are."""
@@ -77,24 +74,20 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
         slot = self.slots.get(name)
         if slot is None or (slot.variable.type != "Clock" and self.is_open(slot)):
             return super().get(name)
-        return slot.values.reshape(slot.variable.shape).copy()[()]
+        return slot.value
 
     def set(self, name: str, value: Any) -> None:
         """Set a variable; a triggered input clock ticks at the next event, which that is."""
         own = self.clocks.get(name)
         if own is None:
             super().set(name, value)
-        elif own.is_time_based or own.causality != "input":
-            raise FMUError(f"{self.name}: {name} ticks by itself. Set a triggered input clock to true, to let it tick.")
-        elif values.boolean(value, f"{self.name}: {name}"):
-            self._to_tick.append(name)
+        else:
+            self.request_tick(own, value)
 
     def access(self, names: list[str], write: bool) -> Access:
         """Create the call that copies these variables; clocked ones are read from their slots."""
         slots = [self.slot(name) for name in names]
-        if write or not any(
-            self._clocks_of.get(slot.variable.references[0]) or slot.variable.type == "Clock" for slot in slots
-        ):
+        if write or not any(slot.clocks or slot.variable.type == "Clock" for slot in slots):
             return super().access(names, write)
         return self.slot_access(slots, write)
 
@@ -116,8 +109,7 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
         due = self.due
         if due is not None and clock.seconds(due) <= clock.seconds(self._now):
             self._now = max(self._now, due)
-        names, self._to_tick = self._to_tick, []
-        names += [name for name, timer in self.timers.items() if timer.due is not None and timer.due <= self._now]
+        names = self.due_clocks(self._now)
         if not names:
             return False
         ticking = [self.clocks[name] for name in names]
@@ -128,7 +120,7 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
             if name in self.timers:
                 self.timers[name].ticked(self._now)
         for slot in self.slots.values():
-            if slot.is_input and slot.variable.type != "Clock" and self._clocks_of.get(slot.variable.references[0]):
+            if slot.is_input and slot.clocks:
                 self.move(slot)
         return True
 
@@ -139,7 +131,7 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
                 self.active.add(own.reference)
                 self.slot(own.name).values[:] = True
         for slot in self.slots.values():
-            if not slot.is_input and self._clocks_of.get(slot.variable.references[0]):
+            if not slot.is_input and slot.clocks:
                 self.move(slot)
         needed, ends, due = super().update()
         ticked = self.active.copy()

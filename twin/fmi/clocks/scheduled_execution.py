@@ -11,12 +11,10 @@ import ctypes
 from typing import Any
 
 from twin import clock
-from twin.compiler import machine
 from twin.coupling import StateAccess
 from twin.fmi.clocks.clock_declarations import CHANGED
 from twin.fmi.clocks.clocked_member import ClockedMember
 from twin.fmi.importing import binary
-from twin.fmi.importing.local_state import both
 
 
 class ScheduledMember(ClockedMember):
@@ -34,8 +32,7 @@ class ScheduledMember(ClockedMember):
         return {"update_clocks": self._update_clocks}
 
     def _find_step(self) -> None:
-        self._callback = machine.STEP(self.guarded(self._step))
-        self.step_function = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
+        self.step_by(self._step)
 
     def _step(self, *_: Any) -> int:
         return binary.OK
@@ -51,9 +48,8 @@ class ScheduledMember(ClockedMember):
     def state_access(self, count: int) -> StateAccess:
         """Access to the state in this process only."""
         self._local_state_pointers = [ctypes.c_void_p() for _ in range(count)]
-        addresses = tuple(ctypes.addressof(pointer) for pointer in self._local_state_pointers)
-        access, saved_states = StateAccess(pointer_addresses=addresses), self._unpacked.saved_states
-        return both(access, self._local_state, self._restore_local_state, saved_states, self._keep_alive)
+        addresses = tuple(map(ctypes.addressof, self._local_state_pointers))
+        return self._with_local_state(StateAccess(pointer_addresses=addresses))
 
     def _update_clocks(self) -> None:
         """Clock Update Mode, entered by a running partition: read its output clocks and countdown intervals."""

@@ -20,12 +20,12 @@ from typing import TYPE_CHECKING, Any
 import twin
 from twin import compiler, installed
 from twin.compiler import model_name, tangents
-from twin.component import Component, PythonComponent, Role, source
+from twin.component import Component, Role, source
 from twin.errors import BuildError
 from twin.files import write_atomically
 from twin.fmi import terminals
 from twin.fmi.exporting import model_description_writer
-from twin.fmi.exporting.fmu_cache import build, is_built, readme
+from twin.fmi.exporting.fmu_cache import build, is_built, readme, refuse_python_side
 from twin.fmi.exporting.model_c_writer import model_c, source_code
 from twin.fmi.exporting.model_description_writer import Exposed
 from twin.fmi.exporting.sources import FOLDER, listed, source_files, to_compile
@@ -33,7 +33,7 @@ from twin.fmi.fmi_version import FMI2, FMI3
 from twin.revision import revision
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
 __all__ = ["VERSIONS", "build", "export", "is_built", "made", "plan"]
 
@@ -171,11 +171,7 @@ def plan(
     cls: type[Component], version: str, own: compiler.Sources | None = None, *, has_clock: bool = False
 ) -> ExportPlan:
     """What an export contains. `own`: the component's C, if it was translated already; `has_clock`: as of `export`."""
-    if issubclass(cls, PythonComponent):
-        raise BuildError(
-            f"{cls.__name__}: is Python-side and cannot be an FMU that needs no Python. "
-            "Derive it from Component instead, or use `twin export --needs-python`."
-        )
+    refuse_python_side(cls)
     if version not in VERSIONS:
         raise BuildError(f"FMI version {version!r} is not offered. Use one of {', '.join(VERSIONS)}.")
     words, name = VERSIONS[version], model_name(cls)
@@ -205,13 +201,13 @@ def _start_values(cls: type[Component]) -> str:
     return hashlib.sha256(cls().record.tobytes()).hexdigest()
 
 
-def archive(files: dict[str, bytes]) -> bytes:
-    """A zip that depends on nothing but its content."""
+def archive(files: dict[str, bytes], order: Callable[[Iterable[str]], Iterable[str]] = sorted) -> bytes:
+    """A zip that depends on nothing but its content; FMUs in it are compressed already."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as made_:
-        for path in sorted(files):
+        for path in order(files):
             entry = zipfile.ZipInfo(path, (1980, 1, 1, 0, 0, 0))
-            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.compress_type = zipfile.ZIP_STORED if path.endswith(".fmu") else zipfile.ZIP_DEFLATED
             entry.create_system = 3  # Unix on every machine, so that the archive is independent of the machine
             entry.external_attr = 0o100644 << 16
             made_.writestr(entry, files[path])
@@ -278,8 +274,6 @@ def export(
 
 def made(cls: type[Component], version: str, build: Path, targets: Sequence[str]) -> bytes:
     """A component's FMU with binaries for the targets; all obstacles are reported in one error."""
-    if version not in VERSIONS:
-        raise BuildError(f"FMI version {version!r} is not offered. Use one of {', '.join(VERSIONS)}.")
     with compiler.SYNTAX:
         if problems := source.check(cls):
             raise BuildError("\n".join(problems))

@@ -29,6 +29,15 @@ def readme(cls: type[Component]) -> str:
     return file.read_text(encoding="utf-8") if file.exists() else ""
 
 
+def refuse_python_side(cls: type[Component]) -> None:
+    """Raise BuildError for a component that cannot be native."""
+    if issubclass(cls, PythonComponent):
+        raise BuildError(
+            f"{cls.__name__}: is Python-side and cannot be an FMU that needs no Python. "
+            "Derive it from Component instead, or use `twin export --needs-python`."
+        )
+
+
 def fmu_key(cls: type[Component], version: str, targets: Sequence[str]) -> str | None:
     """Key of a component's FMU; None for an untraceable component."""
     return compiler.component_fingerprint(cls, version, readme(cls), *(targets or (compiler.host(),)))
@@ -42,11 +51,7 @@ def is_built(cls: type[Component], build: Path, version: str = "3.0", targets: S
 
 def build(cls: type[Component], version: str, build: Path, targets: Sequence[str] = ()) -> Path:
     """Path of the component's FMU in the store; it is made if it is missing. Hold `Store.shared` while the path is used."""
-    if issubclass(cls, PythonComponent):
-        raise BuildError(
-            f"{cls.__name__}: is Python-side and cannot be an FMU that needs no Python. "
-            "Derive it from Component instead, or use `twin export --needs-python`."
-        )
+    refuse_python_side(cls)
     store, name, key = Store(build), model_name(cls), fmu_key(cls, version, targets)
     file = f"{name}.fmu"
     if key is None or store.get(name, key) is None:

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import uuid
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from twin.component import Role
@@ -19,19 +18,6 @@ if TYPE_CHECKING:
     from twin.fmi.exporting.model_description_writer import Exposed
 
 ACCESS = {Role.input: "INPUT", Role.parameter: "TUNABLE"}
-
-
-@dataclass(frozen=True, slots=True)
-class ComponentInterface:
-    """Interface of `model.c` to the component's own code: declarations and function pointers."""
-
-    declarations: str
-    init: str
-    start: str
-    step: str
-    derivatives: str = "NULL"
-    tangent: str = "NULL"
-    first_tangent: str = "NULL"
 
 
 SEEDED = "void *tangents, double t, double tangent_of_t"
@@ -54,7 +40,7 @@ def _functions(cls: type[Component]) -> list[str]:
     ]
 
 
-def source_code(cls: type[Component], name: str) -> ComponentInterface:
+def source_code(cls: type[Component], name: str) -> str:
     """The functions of `NAME.c`, which take the struct of `NAME.h`, as functions of its memory."""
     lines = [
         f'#include "{name}.h"',
@@ -63,12 +49,11 @@ def source_code(cls: type[Component], name: str) -> ComponentInterface:
         "",
         f"static void init(void *record) {{ {name}_init(record); }}",
     ]
-    own = _functions(cls)
-    for function in own:
+    for function in _functions(cls):
         passed = ", ".join(["record", *(word.split()[-1].strip("*") for word in ARGUMENTS[function].split(","))])
         head = f"static int32_t {function}(void *record, {ARGUMENTS[function]})"
         lines.append(f"{head} {{ return {name}_{function}({passed}); }}")
-    return ComponentInterface("\n".join(lines), "init", **{function: function for function in own})
+    return "\n".join(lines)
 
 
 # --------------------------------------------------------------------------------------------------------------- words
@@ -156,7 +141,7 @@ def model_c(
     token: str,
     exposed: list[Exposed],
     has_time: bool,
-    code: ComponentInterface,
+    code: str,
     has_clock: bool = False,
 ) -> str:
     """`model.c`: identity, functions, one row per value reference, and the memory of instances."""
@@ -165,7 +150,7 @@ def model_c(
     nominals = [repr(float(v.nominal or 1.0)) for v in states for _ in range(v.size)]
     indicators = _offsets(cls, model_description_writer.switches(cls))
     fields = _fields(cls, exposed, has_time, has_clock)
-    members = _model_members(cls, name, token, code, len(nominals), len(indicators), has_fields=bool(fields))
+    members = _model_members(cls, name, token, len(nominals), len(indicators), has_fields=bool(fields))
     if has_clock:
         members["has_clock"] = "true"
     width = max(map(len, members))
@@ -178,10 +163,10 @@ def model_c(
         "enum {",
         f"    RECORD_SIZE = {cls.layout.dtype.itemsize},",
         f"    FIELD_COUNT = {len(exposed) + has_time + has_clock},",
-        f"    SLOT = SLOT_SIZE(RECORD_SIZE, FIELD_COUNT, {1 if code.tangent == 'NULL' else 3}),",
+        f"    SLOT = SLOT_SIZE(RECORD_SIZE, FIELD_COUNT, {3 if model_description_writer.offers_derivatives(cls) else 1}),",
         "};",
         "",
-        code.declarations,
+        code,
         "",
         *fields,
         *_array("double", "nominals", nominals),
@@ -202,14 +187,13 @@ def _model_members(
     cls: type[Component],
     name: str,
     token: str,
-    code: ComponentInterface,
     state_count: int,
     indicator_count: int,
     *,
     has_fields: bool,
 ) -> dict[str, str]:
     """Return the initializers of `model` by member."""
-    offset = cls.layout.offset
+    offset, own = cls.layout.offset, _functions(cls)
     high, low = divmod(uuid.UUID(token.strip("{}")).int, 2**64)
     members = {
         "name": string(name),
@@ -218,12 +202,8 @@ def _model_members(
         "record_size": "RECORD_SIZE",
         "field_count": "FIELD_COUNT",
         "fields": "fields" if has_fields else "NULL",
-        "init": code.init,
-        "start": code.start,
-        "step": code.step,
-        "derivatives": code.derivatives,
-        "tangent": code.tangent,
-        "first_tangent": code.first_tangent,
+        "init": "init",
+        **{function: function if function in own else "NULL" for function in ARGUMENTS},
     }
     if cls.period_ns:
         members |= {"period": str(cls.period_ns), "begin": str(offset("_begin")), "tick": str(offset("_tick"))}

@@ -194,15 +194,26 @@ def _units(root: Any, variables: Iterable[Variable]) -> None:
             add(element, "DisplayUnit", name=display, factor=factor, offset=offset or None)
 
 
-def _log_categories(root: Any) -> None:
+def _add_context(root: Any, cls: type[Component]) -> None:
+    """Add units, log categories, and the suggested experiment."""
+    _units(root, cls.variables)
     categories = add(root, "LogCategories")
     for name, description in LOG_CATEGORIES.items():
         add(categories, "Category", name=name, description=description)
-
-
-def _experiment(root: Any, cls: type[Component]) -> None:
     step = clock.seconds(cls.period_ns) if cls.period_ns else 0.001
     add(root, "DefaultExperiment", startTime=0.0, stopTime=1.0, stepSize=step)
+
+
+def _attributes(e: Exposed) -> dict[str, Any]:
+    """Return the attributes of a variable that do not depend on its type."""
+    return {
+        "name": e.name,
+        "valueReference": e.reference,
+        "description": e.variable.description,
+        "causality": e.causality,
+        "variability": e.variability,
+        "initial": None if e.causality == "input" else e.initial,
+    }
 
 
 def _limits(variable: Variable) -> dict[str, Any]:
@@ -295,22 +306,11 @@ def describe_2(cls: type[Component], name: str, token: str, exposed: list[Expose
         root.set("numberOfEventIndicators", str(sum(v.size for v in switches(cls))))
         add(root, "ModelExchange", **interface, completedIntegratorStepNotNeeded=True)
     add(root, "CoSimulation", **interface, canHandleVariableCommunicationStepSize=True)
-    _units(root, cls.variables)
-    _log_categories(root)
-    _experiment(root, cls)
+    _add_context(root, cls)
     states = _state_indices(exposed)
     variables = add(root, "ModelVariables")
     for e in exposed:
-        variable = add(
-            variables,
-            "ScalarVariable",
-            name=e.name,
-            valueReference=e.reference,
-            description=e.variable.description,
-            causality=e.causality,
-            variability=e.variability,
-            initial=None if e.causality == "input" else e.initial,
-        )
+        variable = add(variables, "ScalarVariable", **_attributes(e))
         state = states.get((e.variable.name, e.element))
         value = e.start[0] if e.has_start else None
         kind = TYPES_2[e.variable.type]
@@ -349,9 +349,7 @@ def describe_3(
     )
     if has_clock:
         add(root, "ScheduledExecution", modelIdentifier=name)
-    _units(root, cls.variables)
-    _log_categories(root)
-    _experiment(root, cls)
+    _add_context(root, cls)
     _add_variables_3(add(root, "ModelVariables"), cls, exposed, has_clock=has_clock)
     group = add(root, "ModelStructure")
     tags = ("Output", "ContinuousStateDerivative", "InitialUnknown")
@@ -374,12 +372,7 @@ def _add_variables_3(variables: Any, cls: type[Component], exposed: list[Exposed
         variable = add(
             variables,
             e.variable.type,
-            name=e.name,
-            valueReference=e.reference,
-            description=e.variable.description,
-            causality=e.causality,
-            variability=e.variability,
-            initial=None if e.causality == "input" else e.initial,
+            **_attributes(e),
             **_limits(e.variable),
             start=" ".join(map(text, e.start)) if e.has_start else None,
             derivative=None if state is None else exposed[state].reference,

@@ -19,18 +19,13 @@ from twin.component import PythonComponent, catalog
 from twin.errors import BuildError, DeclarationError
 from twin.files import write_atomically
 from twin.fmi.exporting import model_description_writer
-from twin.fmi.exporting.exporter import archive
-from twin.fmi.exporting.pythonfmu_slave import EXPOSE
+from twin.fmi.exporting.exporter import VERSIONS, archive
+from twin.fmi.exporting.pythonfmu_slave import EXPOSE, PACKAGES
 from twin.fmi.fmi_version import FMI2
 
 if TYPE_CHECKING:
     from twin.component import Component
 
-
-VERSIONS = {
-    "2.0": ("pythonfmu", "Fmi2Slave", model_description_writer.describe_2),
-    "3.0": ("pythonfmu3", "Fmi3Slave", model_description_writer.describe_3),
-}
 
 # PythonFMU's library finds the class by the text of its first line
 SCRIPT = '''"""{summary}
@@ -80,7 +75,7 @@ def export(cls: type[Component], version: str, path: Path) -> Path:
         raise BuildError(f"{cls.__name__}: needs no Python in its FMU. Export it without --needs-python.")
     name = compiler.model_name(cls)
     component = findable(cls, name)
-    package, base, describe = VERSIONS[version]
+    (package, prefix), describe = PACKAGES[version], VERSIONS[version].describe
     try:
         folder = Path(str(metadata.distribution(package).locate_file(package)))
     except metadata.PackageNotFoundError:
@@ -92,7 +87,7 @@ def export(cls: type[Component], version: str, path: Path) -> Path:
         summary=model_description_writer.summary(cls),
         twin=installed.version("catheter-twin"),
         package=package,
-        base=base,
+        base=f"{prefix}Slave",
         name=name,
         component=component,
         version=version,

@@ -12,7 +12,7 @@ from twin import clock
 from twin.component import catalog
 from twin.coupling import RecordMember
 from twin.errors import SimulationError
-from twin.fmi.exporting.model_description_writer import expose_arrays, expose_scalars
+from twin.fmi.exporting.model_description_writer import TYPES_2, expose_arrays, expose_scalars
 
 if TYPE_CHECKING:
     from twin.fmi.exporting.model_description_writer import Exposed
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 WARNING = 1  # the worst status of a step that went well
 EXPOSE = {"2.0": expose_scalars, "3.0": expose_arrays}
 PACKAGES = {"2.0": ("pythonfmu", "Fmi2"), "3.0": ("pythonfmu3", "Fmi3")}
-KINDS_2 = {"Float64": "Real", "Int32": "Integer", "Int64": "Integer", "Boolean": "Boolean"}
 
 
 class Part:
@@ -64,7 +63,7 @@ class Part:
 def made(exposed: Exposed, member: RecordMember, kinds: Any, prefix: str) -> Any:
     """A variable of PythonFMU for a value reference."""
     variable = exposed.variable
-    kind = str(variable.type) if prefix == "Fmi3" else KINDS_2[variable.type]
+    kind = str(variable.type) if prefix == "Fmi3" else TYPES_2[variable.type]
     words = {
         "description": variable.description,
         "causality": getattr(getattr(kinds, f"{prefix}Causality"), exposed.causality),

@@ -164,24 +164,16 @@ def instantiate(
             "fmi2Instantiate", name, kind, token, resource_location, ctypes.byref(own), visible, logging
         )
         return Instance(address, (own,))
-    log_callback = Logger3(lambda _environment, status, _category, message: log.add(status, message))
-    update = Intermediate()
-    resource_location = f"{resources}{os.sep}".encode()
-    if unpacked.interface == "ModelExchange":
-        address = library.make(
-            "fmi3InstantiateModelExchange", name, token, resource_location, visible, logging, None, log_callback
-        )
-        return Instance(address, (log_callback,))
+    options: tuple[Any, ...] = ()
+    called: tuple[Any, ...] = (Logger3(lambda _environment, status, _category, message: log.add(status, message)),)
     if unpacked.interface == "ScheduledExecution":
         assert update_clocks is not None
-        clock_update = ClockUpdate(lambda _environment, call=update_clocks: call())  # type: ignore[misc]
-        alone = Preemption(do_nothing), Preemption(do_nothing)  # partitions run one after the other
-        given = name, token, resource_location, visible, logging, None, log_callback, clock_update, *alone
-        return Instance(library.make("fmi3InstantiateScheduledExecution", *given), (log_callback, clock_update, *alone))
-    arguments = (visible, logging, events, early, (ctypes.c_uint * 0)(), 0, None, log_callback, update)
-    return Instance(
-        library.make("fmi3InstantiateCoSimulation", name, token, resource_location, *arguments), (log_callback, update)
-    )
+        called += (ClockUpdate(lambda _environment, call=update_clocks: call()),)  # type: ignore[misc]
+        called += Preemption(do_nothing), Preemption(do_nothing)  # partitions run one after the other
+    elif unpacked.interface == "CoSimulation":
+        options, called = (events, early, (ctypes.c_uint * 0)(), 0), (*called, Intermediate())
+    arguments = name, token, f"{resources}{os.sep}".encode(), visible, logging, *options, None, *called
+    return Instance(library.make(f"fmi3Instantiate{unpacked.interface}", *arguments), called)
 
 
 def do_nothing() -> None:

@@ -11,6 +11,9 @@ from ctypes import CFUNCTYPE, POINTER, c_bool, c_char_p, c_double, c_int, c_size
 from pathlib import Path
 from typing import Any
 
+from twin.compiler import machine
+from twin.fmi.fmi_version import FMI2, FMI3
+
 WORST = 1  # the largest status that is no failure: OK, Warning
 
 Logger2 = CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p)
@@ -50,66 +53,24 @@ class EventInfo(ctypes.Structure):
 
 REFERENCES = (POINTER(c_uint), c_size_t)
 VECTOR = (POINTER(c_double), c_size_t)
-BYTES_2 = (POINTER(ctypes.c_char), c_size_t)
-BYTES_3 = (POINTER(ctypes.c_ubyte), c_size_t)
-EXPERIMENT_2 = (c_int, c_double, c_double, c_int, c_double)
-EXPERIMENT_3 = (c_bool, c_double, c_double, c_bool, c_double)
+STATE = POINTER(c_void_p)
 FLAG = POINTER(c_bool)
 
 # fmi2 and fmi3: function -> types of its arguments after the instance
 FUNCTIONS: dict[str, tuple[Any, ...]] = {
-    "fmi2FreeInstance": (),
-    "fmi2SetupExperiment": EXPERIMENT_2,
+    "fmi2SetupExperiment": (c_int, c_double, c_double, c_int, c_double),
     "fmi2EnterInitializationMode": (),
-    "fmi2ExitInitializationMode": (),
-    "fmi2Reset": (),
-    "fmi2Terminate": (),
-    "fmi2GetFMUstate": (POINTER(c_void_p),),
-    "fmi2SetFMUstate": (c_void_p,),
-    "fmi2FreeFMUstate": (POINTER(c_void_p),),
-    "fmi2SerializedFMUstateSize": (c_void_p, POINTER(c_size_t)),
-    "fmi2SerializeFMUstate": (c_void_p, *BYTES_2),
-    "fmi2DeSerializeFMUstate": (*BYTES_2, POINTER(c_void_p)),
     "fmi2GetRealStatus": (c_int, POINTER(c_double)),
     "fmi2GetBooleanStatus": (c_int, POINTER(c_int)),
     "fmi2DoStep": (c_double, c_double, c_int),
-    "fmi3FreeInstance": (),
+    "fmi2NewDiscreteStates": (POINTER(EventInfo),),
+    "fmi2GetDirectionalDerivative": (*REFERENCES, *REFERENCES, POINTER(c_double), POINTER(c_double)),
     "fmi3EnterConfigurationMode": (),
     "fmi3ExitConfigurationMode": (),
-    "fmi3EnterInitializationMode": EXPERIMENT_3,
-    "fmi3ExitInitializationMode": (),
-    "fmi3Reset": (),
-    "fmi3Terminate": (),
-    "fmi3GetFMUState": (POINTER(c_void_p),),
-    "fmi3SetFMUState": (c_void_p,),
-    "fmi3FreeFMUState": (POINTER(c_void_p),),
-    "fmi3SerializedFMUStateSize": (c_void_p, POINTER(c_size_t)),
-    "fmi3SerializeFMUState": (c_void_p, *BYTES_3),
-    "fmi3DeserializeFMUState": (*BYTES_3, POINTER(c_void_p)),
+    "fmi3EnterInitializationMode": (c_bool, c_double, c_double, c_bool, c_double),
     "fmi3DoStep": (c_double, c_double, c_bool, FLAG, FLAG, FLAG, POINTER(c_double)),
     "fmi3GetBinary": (*REFERENCES, POINTER(c_size_t), POINTER(POINTER(ctypes.c_uint8)), c_size_t),
-    # Model Exchange
-    "fmi2EnterEventMode": (),
-    "fmi2NewDiscreteStates": (POINTER(EventInfo),),
-    "fmi2EnterContinuousTimeMode": (),
-    "fmi2CompletedIntegratorStep": (c_int, POINTER(c_int), POINTER(c_int)),
-    "fmi2SetTime": (c_double,),
-    "fmi2SetContinuousStates": VECTOR,
-    "fmi2GetContinuousStates": VECTOR,
-    "fmi2GetDerivatives": VECTOR,
-    "fmi2GetEventIndicators": VECTOR,
-    "fmi2GetNominalsOfContinuousStates": VECTOR,
-    "fmi2GetDirectionalDerivative": (*REFERENCES, *REFERENCES, POINTER(c_double), POINTER(c_double)),
-    "fmi3EnterEventMode": (),
     "fmi3UpdateDiscreteStates": (FLAG, FLAG, FLAG, FLAG, FLAG, POINTER(c_double)),
-    "fmi3EnterContinuousTimeMode": (),
-    "fmi3CompletedIntegratorStep": (c_bool, FLAG, FLAG),
-    "fmi3SetTime": (c_double,),
-    "fmi3SetContinuousStates": VECTOR,
-    "fmi3GetContinuousStates": VECTOR,
-    "fmi3GetContinuousStateDerivatives": VECTOR,
-    "fmi3GetEventIndicators": VECTOR,
-    "fmi3GetNominalsOfContinuousStates": VECTOR,
     "fmi3GetNumberOfContinuousStates": (POINTER(c_size_t),),
     "fmi3GetNumberOfEventIndicators": (POINTER(c_size_t),),
     "fmi3GetDirectionalDerivative": (*REFERENCES, *REFERENCES, *VECTOR, *VECTOR),
@@ -122,10 +83,28 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "fmi3GetShiftDecimal": (*REFERENCES, POINTER(c_double)),
     "fmi3GetShiftFraction": (*REFERENCES, POINTER(c_uint64), POINTER(c_uint64)),
     "fmi3SetIntervalDecimal": (*REFERENCES, POINTER(c_double)),
-    "fmi3SetIntervalFraction": (*REFERENCES, POINTER(c_uint64), POINTER(c_uint64)),
     "fmi3ActivateModelPartition": (c_uint, c_double),
 }
 FUNCTIONS["fmi3SetBinary"] = FUNCTIONS["fmi3GetBinary"]
+MODES = ("FreeInstance", "ExitInitializationMode", "Reset", "Terminate", "EnterEventMode", "EnterContinuousTimeMode")
+VECTORS = (
+    *("SetContinuousStates", "GetContinuousStates", "GetContinuousStateDerivatives"),
+    *("GetEventIndicators", "GetNominalsOfContinuousStates"),
+)
+for fmi, boolean, byte in ((FMI2, c_int, ctypes.c_char), (FMI3, c_bool, ctypes.c_ubyte)):
+    for name, arguments in {
+        **dict.fromkeys(MODES, ()),
+        **dict.fromkeys(VECTORS, VECTOR),
+        "GetFMUState": (STATE,),
+        "SetFMUState": (c_void_p,),
+        "FreeFMUState": (STATE,),
+        "SerializedFMUStateSize": (c_void_p, POINTER(c_size_t)),
+        "SerializeFMUState": (c_void_p, POINTER(byte), c_size_t),
+        "DeserializeFMUState": (POINTER(byte), c_size_t, STATE),
+        "CompletedIntegratorStep": (boolean, POINTER(boolean), POINTER(boolean)),
+        "SetTime": (c_double,),
+    }.items():
+        FUNCTIONS[fmi.function(name)] = arguments
 
 VALUES = {
     "fmi2": {"Real": c_double, "Integer": c_int, "Boolean": c_int, "String": c_char_p},
@@ -208,7 +187,7 @@ class Library:
 
     def address(self, function: str) -> int:
         """Address of a function."""
-        return ctypes.cast(self._get_function(function), c_void_p).value or 0
+        return machine.address_of(self._get_function(function))
 
     def make(self, function: str, *arguments: Any) -> int:
         """Call an instantiation function and return the instance's address, 0 if there is none."""

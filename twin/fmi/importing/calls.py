@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import FMUError, SimulationError
+from twin.fmi.fmi_version import FMI2
 from twin.fmi.importing import binary
-from twin.fmi.importing.c_functions import FUNCTIONS, CallError, MissingFunctionError
+from twin.fmi.importing.c_functions import FUNCTIONS, CallError, EventInfo, MissingFunctionError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -107,6 +108,47 @@ class FmuCalls:
             self._call(self._state_function("Set"), state)
         finally:
             self._call(self._state_function("Free"), ctypes.byref(state))
+
+    def directional_derivative(
+        self, unknowns: np.ndarray[Any, Any], value_reference: int, seed: np.ndarray[Any, Any], size: int
+    ) -> np.ndarray[Any, Any]:
+        """Return the derivative of unknowns, with `size` values in all, along `seed` of one known variable.
+
+        CallError or MissingFunctionError if the FMU refuses.
+        """
+        change, version = np.zeros(size), self._unpacked.fmi
+        sizes = (len(seed), size) if version.has_sizes else ()
+        floats, words = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_uint)
+        self._loaded.call(
+            version.function("GetDirectionalDerivative"),
+            self.instance,
+            unknowns.ctypes.data_as(words),
+            len(unknowns),
+            (ctypes.c_uint * 1)(value_reference),
+            1,
+            seed.ctypes.data_as(floats),
+            *sizes[:1],
+            change.ctypes.data_as(floats),
+            *sizes[1:],
+        )
+        return change
+
+    def update_discrete_states(self) -> tuple[bool, bool, bool, float | None]:
+        """End an iteration of Event Mode.
+
+        Whether another is needed, whether the end is wanted, whether continuous states have changed; time of the next
+        event [s], None if the FMU announces none.
+        """
+        if self._unpacked.fmi == FMI2:
+            info = EventInfo()
+            self._call("fmi2NewDiscreteStates", ctypes.byref(info))
+            needed, terminate, _, states, is_defined = (bool(getattr(info, name)) for name, _ in EventInfo._fields_[:5])
+            due = info.nextEventTime
+        else:
+            answers: list[Any] = [*(ctypes.c_bool() for _ in range(5)), ctypes.c_double()]
+            self._call("fmi3UpdateDiscreteStates", *map(ctypes.byref, answers))
+            needed, terminate, _, states, is_defined, due = (answer.value for answer in answers)
+        return needed, terminate, states, due if is_defined else None
 
     def _write(self, variable: MemberVariable, value: np.ndarray[Any, Any]) -> None:
         if variable.connectable:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +13,6 @@ if TYPE_CHECKING:
     from twin.fmi.importing.fmu_member import FMUMember
 
 Matrix = np.ndarray[Any, Any]
-WORD, FLOAT = ctypes.POINTER(ctypes.c_uint), ctypes.POINTER(ctypes.c_double)
 
 
 def slopes(
@@ -38,7 +36,7 @@ def slopes(
     columns = []
     try:
         for value_reference, size in (*own, *given):
-            columns += [along(member, unknowns, rows, value_reference, seed) for seed in np.eye(size)]
+            columns += [member.directional_derivative(unknowns, value_reference, seed, rows) for seed in np.eye(size)]
     except (CallError, MissingFunctionError):
         return None
     matrix = np.array(columns).T.reshape(rows, len(columns))
@@ -51,24 +49,3 @@ def elements(variable: MemberVariable) -> list[tuple[int, int]]:
     if len(variable.references) == 1:
         return [(variable.references[0], variable.size)]
     return [(reference, 1) for reference in variable.references]
-
-
-def along(member: FMUMember, unknowns: Matrix, rows: int, value_reference: int, seed: Matrix) -> Matrix:
-    """Return the directional derivative of all unknowns along `seed` of one known variable."""
-    change = np.zeros(rows)
-    reference = (ctypes.c_uint * 1)(value_reference)
-    version = member._unpacked.fmi
-    sizes = ((len(seed),), (rows,)) if version.has_sizes else ((), ())
-    member._loaded.call(
-        version.function("GetDirectionalDerivative"),
-        member.instance,
-        unknowns.ctypes.data_as(WORD),
-        len(unknowns),
-        reference,
-        1,
-        seed.ctypes.data_as(FLOAT),
-        *sizes[0],
-        change.ctypes.data_as(FLOAT),
-        *sizes[1],
-    )
-    return change

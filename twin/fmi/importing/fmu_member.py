@@ -94,7 +94,7 @@ class FMUMember(FmuCalls, Member):
         self._saved, self._state_pointers = ctypes.c_void_p(), list[ctypes.c_void_p]()
         self.default_experiment = declarations.experiment(description.experiment, where)
         self.tolerance = self.default_experiment.tolerance
-        self.fixed_step = declarations.step_size(description.fixed_step, where)
+        self.fixed_step = declarations.number(description.fixed_step, f"{where}: has fixedInternalStepSize")
         if not self.capabilities["canHandleVariableCommunicationStepSize"]:
             suggested = self.default_experiment.step_size if unpacked.fmi == FMI2 else None
             self.period_ns = declarations.period(self.fixed_step, suggested, where)
@@ -248,6 +248,14 @@ class FMUMember(FmuCalls, Member):
         self._call(f"{self._prefix}ExitInitializationMode")
         self._state = "stepping"
         self._report_changed_parameters()
+
+    def reinitialize(self, t: float) -> None:
+        """Initialize once more at t [s], with the present start values."""
+        self._call(f"{self._prefix}Reset")
+        self._state = "instantiated"
+        self.enter_initialization(t, None)
+        self._call(f"{self._prefix}ExitInitializationMode")
+        self._state = "stepping"
 
     def finish_reason(self) -> str:
         """Why the FMU discarded its step, if that was its wish to end the simulation; "" if it failed."""

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from twin.compiler import machine
-from twin.coupling import Access, MemberVariable, StateAccess
-from twin.errors import TwinError, described
+from twin.coupling import MemberVariable, StateAccess
 from twin.fmi.importing import binary
 from twin.fmi.importing.fmu_member import FMUMember
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+WORD = 8  # bytes that every scalar has room for
 
 
 @dataclass(slots=True)
@@ -41,6 +39,11 @@ class VariableSlot:
     def address(self) -> int:
         """Address of the values."""
         return int(self.values.ctypes.data)
+
+    @property
+    def value(self) -> Any:
+        """Copy of the values in the variable's shape, a scalar as itself."""
+        return self.values.reshape(self.variable.shape).copy()[()]
 
     @property
     def has_changed(self) -> bool:
@@ -73,8 +76,31 @@ class FMUWithSlots(FMUMember):
 
     def state_access(self, count: int) -> StateAccess:
         """Access to the FMU state and the state in this process."""
-        own, saved_states = super().state_access(count), self._unpacked.saved_states
-        return both(own, self._local_state, self._restore_local_state, saved_states, self._keep_alive)
+        return self._with_local_state(super().state_access(count))
+
+    def _with_local_state(self, own: StateAccess) -> StateAccess:
+        """Extend state access to the state in this process, which is kept by the address of the FMU's state.
+
+        It is kept by the pointer's address if there is none. Instances that share the FMU can set each other's states.
+        """
+        functions, saved_states = (machine.STATE(own.get), machine.STATE(own.set)), self._unpacked.saved_states
+
+        def save(instance: int, address: int) -> int:
+            if not own.get:
+                machine.write64(address, address)
+            status = int(functions[0](instance, address)) if own.get else binary.OK
+            saved_states[machine.read64(address)] = self._local_state()
+            return status
+
+        def restore(instance: int, state: int) -> int:
+            status = int(functions[1](instance, state)) if own.set else binary.OK
+            self._restore_local_state(saved_states[state])
+            return status
+
+        made = StateAccess.from_callbacks(save, restore, [])
+        made.pointer_addresses = own.pointer_addresses
+        self._keep_alive.append(made)
+        return made
 
     def _local_state(self) -> Any:
         """Return the state outside the FMU: values in this process."""
@@ -87,37 +113,30 @@ class FMUWithSlots(FMUMember):
 
     def slot(self, name: str) -> VariableSlot:
         """Return the slot of a variable, created at its first use."""
+        if name not in self.slots:
+            variable = self.variables[name]
+            room = self.room(WORD * variable.size) if variable.connectable else np.full(variable.size, None)
+            values, is_clock = room.view(variable.dtype)[: variable.size], variable.type == "Clock"
+            is_input = variable.causality == "input" and not is_clock
+            clocks = frozenset(self._unpacked.description.clocks.of.get(variable.references[0], ()))
+            slot = self.slots[name] = VariableSlot(variable, is_input, values, values.copy(), clocks)
+            if variable.connectable and not is_clock:
+                access = FMUMember.access(self, [name], write=is_input)
+                slot.name, slot.call = access.name, partial(access.call, self.instance, slot.address)
+            self.fill(slot)
+        return self.slots[name]
+
+    def room(self, size: int) -> np.ndarray[Any, Any]:
+        """Fresh bytes for values."""
+        return np.zeros(size, np.uint8)
+
+    def fill(self, slot: VariableSlot) -> None:
+        """Give a new slot its first values."""
         raise NotImplementedError
 
     def address(self, name: str) -> int:
         """Return the address of a variable's values in this process."""
         return self.slot(name).address if self.variables[name].connectable else 0
-
-    def slot_access(self, slots: Sequence[VariableSlot], write: bool) -> Access:
-        """Create a call that copies values between memory and slots."""
-
-        def moved(_instance: int, _references: int, _count: int, address: int, _size: int) -> int:
-            for slot in slots:
-                ends = (slot.address, address) if write else (address, slot.address)
-                ctypes.memmove(*ends, slot.values.nbytes)
-                address += slot.values.nbytes
-            return binary.OK
-
-        self._keep_alive.append(machine.ACCESS(self.guarded(moved)))
-        return Access.from_callback(self._keep_alive[-1], [slot.variable for slot in slots])
-
-    def guarded(self, call: Callable[..., int]) -> Callable[..., int]:
-        """Wrap a callback: store its exception, since none may pass through native frames."""
-
-        def called(*arguments: Any) -> int:
-            try:
-                return call(*arguments)
-            except BaseException as error:  # also Ctrl-C
-                self.failure = error
-                self.log.append(str(error) if isinstance(error, TwinError) else described(error))
-                return binary.ERROR
-
-        return called
 
     def check(self, status: int, what: str) -> None:
         """Raise the stored exception of a callback, or `SimulationError` if its status says that it failed."""
@@ -125,35 +144,3 @@ class FMUWithSlots(FMUMember):
         if failure is not None:
             raise failure
         super().check(status, what)
-
-
-def both(
-    own: StateAccess,
-    take: Callable[[], Any],
-    put: Callable[[Any], None],
-    saved_states: dict[int, Any],
-    keep_alive: list[Any],
-) -> StateAccess:
-    """Extend state access to the state in this process. `keep_alive` must live as long as the returned access.
-
-    `saved_states`: what `take` returned, by the address of the FMU's state, or the pointer's address if it has none. Instances
-    that share it can set each other's states.
-    """
-    functions = machine.STATE(own.get), machine.STATE(own.set)
-
-    def save(instance: int, address: int) -> int:
-        if not own.get:
-            machine.write64(address, address)
-        status = int(functions[0](instance, address)) if own.get else binary.OK
-        saved_states[machine.read64(address)] = take()
-        return status
-
-    def restore(instance: int, state: int) -> int:
-        status = int(functions[1](instance, state)) if own.set else binary.OK
-        put(saved_states[state])
-        return status
-
-    made = machine.STATE(save), machine.STATE(restore)
-    keep_alive += [*made, *functions]
-    addresses = [ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in made]
-    return StateAccess(get=addresses[0], set=addresses[1], pointer_addresses=own.pointer_addresses)

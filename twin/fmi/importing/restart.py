@@ -34,11 +34,7 @@ def restart(member: FMUMember, t: float, values: Mapping[str, np.ndarray[Any, An
     if member.continuous:
         restart_exchange(member, t, values)
         return
-    member._call(f"{member._prefix}Reset")
-    member._state = "instantiated"
-    member.enter_initialization(t, None)
-    member._call(f"{member._prefix}ExitInitializationMode")
-    member._state = "stepping"
+    member.reinitialize(t)
 
 
 def restart_exchange(member: FMUMember, t: float, values: Mapping[str, np.ndarray[Any, Any]]) -> None:

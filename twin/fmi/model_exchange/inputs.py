@@ -34,8 +34,7 @@ class Followed:
     def apply(self, t: float) -> None:
         """Set all inputs to their values from t [s] on (right limit)."""
         for column in self.inputs.columns:
-            value = self.inputs.at(column, t)
-            self.member.set(column.variable.name, value if column.variable.shape else value[0])
+            self.member.set(column.variable.name, self.inputs.value(column, t))
 
     def move_to(self, t: float) -> None:
         """Set the continuous inputs to their values until t [s] (left limit)."""

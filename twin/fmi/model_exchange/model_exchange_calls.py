@@ -9,7 +9,7 @@ import numpy as np
 
 from twin.fmi.fmi_version import FMI2, FMI3
 from twin.fmi.importing import binary
-from twin.fmi.importing.c_functions import CallError, EventInfo, MissingFunctionError
+from twin.fmi.importing.c_functions import CallError, MissingFunctionError
 from twin.fmi.importing.local_state import FMUWithSlots
 from twin.fmi.model_description import Continuous
 from twin.fmi.model_exchange.solvers import Discarded
@@ -36,16 +36,8 @@ class ContinuousFMU(FMUWithSlots):
 
     def update(self) -> tuple[bool, bool, float]:
         """One iteration of Event Mode: whether another is needed, whether the end is wanted, when the next event is due."""
-        if self._unpacked.fmi == FMI2:
-            info = EventInfo()
-            self._call("fmi2NewDiscreteStates", ctypes.byref(info))
-            due = info.nextEventTime if info.nextEventTimeDefined else np.inf
-            return bool(info.newDiscreteStatesNeeded), bool(info.terminateSimulation), due
-        needed, terminate, nominals, states, defined = (ctypes.c_bool() for _ in range(5))
-        due = ctypes.c_double()
-        flags = (ctypes.byref(flag) for flag in (needed, terminate, nominals, states, defined, due))
-        self._call("fmi3UpdateDiscreteStates", *flags)
-        return needed.value, terminate.value, due.value if defined.value else np.inf
+        needed, terminate, _, due = self.update_discrete_states()
+        return needed, terminate, np.inf if due is None else due
 
     def enter_continuous_time(self) -> None:
         """From Event Mode; the states may have changed, and how many there are is known now."""
@@ -135,22 +127,8 @@ class ContinuousFMU(FMUWithSlots):
 
         Time, states and inputs are set again afterwards: an FMU may take a finite difference and stay where that ended.
         """
-        change = np.zeros(size)
-        pointer, word = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_uint)
-        references = (ctypes.c_uint * 1)(value_reference)
-        sizes = ((len(seed),), (size,)) if self._unpacked.fmi.has_sizes else ((), ())
-        arguments = (
-            unknowns.ctypes.data_as(word),
-            len(unknowns),
-            references,
-            1,
-            seed.ctypes.data_as(pointer),
-            *sizes[0],
-            change.ctypes.data_as(pointer),
-            *sizes[1],
-        )
         try:
-            self._loaded.call(f"{self._prefix}GetDirectionalDerivative", self.instance, *arguments)
+            change = self.directional_derivative(unknowns, value_reference, seed, size)
         except (CallError, MissingFunctionError) as error:
             raise Discarded(str(error)) from None
         if self._state == CONTINUOUS and self._time is not None:

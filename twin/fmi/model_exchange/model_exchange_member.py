@@ -7,8 +7,6 @@ with an excursion to Event Mode at every event.
 
 from __future__ import annotations
 
-import ctypes
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -66,16 +64,11 @@ class ExchangeMember(ContinuousFMU):
         self._waiting: dict[str, Any] = {}  # what is to be set at the next event
         self.followed: Followed | None = None
         self.sensitivity: Sensitivity | None = None  # integrated together with the states of the system
-        self._callback = machine.STEP(self.guarded(self._step))
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        super().__setstate__(state)
-        self._callback = machine.STEP(self.guarded(self._step))
 
     # call sequence
 
     def _find_step(self) -> None:
-        self.step_function = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
+        self.step_by(self._step)
 
     def join(self, members: Sequence[Member], links: Sequence[ResolvedConnection]) -> None:
         """Integrate together with other members, as one system with these connections."""
@@ -109,13 +102,10 @@ class ExchangeMember(ContinuousFMU):
         for other in self.system.members:
             if other is not self:
                 other.enter_event_mode()
-        self._call(f"{self._prefix}Reset")
-        self._state = "instantiated"
         self._start |= {
             name: slot.values.reshape(slot.variable.shape) for name, slot in self.slots.items() if slot.is_input
         }
-        self.enter_initialization(t, None)
-        self._call(f"{self._prefix}ExitInitializationMode")
+        self.reinitialize(t)
         self._state = "event"
         self.system.restart()
 
@@ -187,40 +177,25 @@ class ExchangeMember(ContinuousFMU):
     def access(self, names: list[str], write: bool) -> Access:
         if not write:
             return super().access(names, write)
-        slots = [self.slot(name) for name in names]
 
-        def stage(_instance: int, _references: int, _count: int, values: int, _size: int) -> int:
-            for slot in slots:
-                ctypes.memmove(slot.address, values, slot.values.nbytes)
-                values += slot.values.nbytes
-                if not (self.is_initializing or slot.is_input):
-                    self._waiting[slot.variable.name] = slot.values.reshape(slot.variable.shape).copy()
-                elif self.is_initializing:
-                    self._write(slot.variable, slot.values)
-            return binary.OK
+        def stage(slot: VariableSlot) -> None:
+            if self.is_initializing:
+                self._write(slot.variable, slot.values)
+            elif not slot.is_input:
+                self._waiting[slot.variable.name] = slot.values.reshape(slot.variable.shape).copy()
 
-        self._keep_alive.append(machine.ACCESS(stage))
-        made = super().access(names, write)
-        made.function, made.takes_size = ctypes.cast(self._keep_alive[-1], ctypes.c_void_p).value or 0, True
+        made = self.slot_access([self.slot(name) for name in names], write, stage)
+        made.name = super().access(names, write).name
         return made
 
-    def slot(self, name: str) -> VariableSlot:
-        """Where a variable's values lie for others; they are there at once if the member is integrated."""
-        if name in self.slots:
-            return self.slots[name]
-        variable = self.variables[name]
-        values, is_input = np.zeros(variable.size, variable.dtype), variable.causality == "input"
-        slot = self.slots[name] = VariableSlot(variable, is_input, values, values.copy())
-        access = super().access([name], write=is_input)
-        self._keep_alive.append(access)
-        slot.name, slot.call = access.name, partial(access.call, self.instance, slot.address)
-        if is_input:
+    def fill(self, slot: VariableSlot) -> None:
+        """Start with the input's value, or with that of now if the member is integrated."""
+        name, variable = slot.variable.name, slot.variable
+        if slot.is_input:
             initial = self._given.get(name, variable.start)
-            slot.values[:] = np.ravel(self.get(name) if initial is None else initial)
-            slot.applied[:] = slot.values
+            slot.values[:] = slot.applied[:] = np.ravel(self.get(name) if initial is None else initial)
         elif self._state == CONTINUOUS:
             self.move(slot)
-        return slot
 
     def move(self, slot: VariableSlot) -> None:
         """Set an input's values in the FMU, or read another variable's from it."""
