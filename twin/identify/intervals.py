@@ -8,18 +8,17 @@ variance grows by (1 + r) / (1 - r), r their correlation with the next one (firs
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twin.identify.search import COARSE, FINE, Residuals
+from twin.identify.search import COARSE, FINE, Fit, Predictor, Residuals
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from twin.identify.search import Fit, Predictor
+    from twin.arrays import Array
 
-    Array = np.ndarray[Any, Any]
     ReportProgress = Callable[[str, float], object]
 
 METHODS = ("jacobian", "profile", "bootstrap")

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from twin import clock
-from twin.coupling import find
+from twin.coupling import Catalog, find
 from twin.errors import ScenarioError, TwinError, nearest
 from twin.identify.problem import Input, Output, RecordedExperiment, Unknown, named
 from twin.identify.recordings import replay
@@ -17,13 +18,7 @@ from twin.identify.recordings.reader import KeyReader, member_of
 from twin.identify.recordings.recorded_files import Column, RecordedFile
 from twin.identify.recordings.schema import InputKeys, RangeKeys
 from twin.run import resolve_catalogs
-from twin.scenario import load_scenario, made_scenario
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from twin.coupling import Catalog
-    from twin.scenario import Case, Node, ScenarioSpec
+from twin.scenario import Case, Node, ScenarioSpec, load_scenario, made_scenario
 
 SETTABLE = ("parameter", "input")
 LONGEST = 10**6 * clock.NANOSECONDS  # a stop time that no recording reaches

@@ -9,17 +9,15 @@ import numpy as np
 
 from twin.compiler import read_float
 from twin.component import Component, Int64, local, output, parameter, unit
-from twin.coupling import declared_variables, find
+from twin.coupling import Catalog, declared_variables, find
 from twin.errors import TwinError
 from twin.graph import reached
-from twin.scenario import ConnectionSpec, MemberSpec, RecordSpec
+from twin.scenario import Case, ConnectionSpec, MemberSpec, Node, RecordSpec, ScenarioSpec
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from twin.coupling import Catalog
     from twin.identify.problem import Unknown
-    from twin.scenario import Case, Node, ScenarioSpec
 
 
 class Replay(Component):
