@@ -13,9 +13,8 @@ from twin.study.design import SAMPLED
 from twin.study.execution.case_engine import DONE
 
 if TYPE_CHECKING:
+    from twin.arrays import Array
     from twin.study.execution.case_table import CaseTable
-
-    Array = np.ndarray[Any, Any]
 
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 SEPARATION_MINIMUM = 0.15  # by which a factor has to separate: 0 by chance, 0.5 entirely

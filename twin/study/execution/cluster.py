@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from distributed import Client, WorkerPlugin, as_completed
 
 from twin.errors import ScenarioError
-from twin.study.execution.case_engine import FAILED, Row
+from twin.study.execution.case_engine import FAILED, Job, Row
 from twin.study.execution.process_pool import NotReadyError, Process
 from twin.study.execution.study_archive import packed, unpacked
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from twin.study.design import StudyRequest
-    from twin.study.execution.case_engine import Job
 
 AHEAD = 2  # cases per thread that are on their way
 CONNECTING = 20.0  # time for the scheduler to answer [s]

@@ -11,15 +11,11 @@ import re
 import zipfile
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from twin.errors import ScenarioError
 from twin.scenario import load_scenario
 from twin.store import LOCK
-from twin.study.execution.case_engine import Engine
-
-if TYPE_CHECKING:
-    from twin.study.execution.case_engine import Job
+from twin.study.execution.case_engine import Engine, Job
 
 HERE = "@HERE@"  # in texts: the folder that the archive is unpacked in
 SCENARIO, BUILD = "scenario.yaml", "build"

@@ -21,23 +21,21 @@ from twin.installed import import_optional
 from twin.process import Stop, cores
 from twin.results import link_latest, run_folder, write_text
 from twin.run import noop
-from twin.scenario import Backend, members
+from twin.scenario import Backend, Case, members
 from twin.study.design import SAMPLED, CommonPrefixes, Study, StudyRequest, VariantInputs, load_study
 from twin.study.execution import case_table, manifest
-from twin.study.execution.case_engine import DONE, Engine, Job
+from twin.study.execution.case_engine import DONE, Engine, Job, Row
 from twin.study.execution.journal import NAME as JOURNAL
 from twin.study.execution.journal import StudyJournal
 from twin.study.execution.process_pool import Pool, memory_of_each
-from twin.study.execution.progress import Listener, ProgressReporter, TimeEstimate
+from twin.study.execution.progress import ProgressReporter, StudyProgress, TimeEstimate
 from twin.study.execution.tuning import Tuned, tune
 from twin.study.execution.worst_case_search import WorstCase, search_worst
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
 
-    from twin.scenario import Case
-    from twin.study.execution.case_engine import Row
-    from twin.study.execution.process_pool import Runner
+    from twin.study.execution.cluster import WorkerCluster
 
 COPY = "study.yaml"
 RUNNING = "running"
@@ -91,7 +89,7 @@ class PendingCases:
 
     def __init__(
         self,
-        runner: Runner,
+        runner: Pool | WorkerCluster,
         journal: StudyJournal,
         reporter: ProgressReporter,
         stop: Stop,
@@ -132,7 +130,7 @@ def run_study(
     timeout: float = 0.0,
     memory: int = 0,
     resume: Path | None = None,
-    listen: Listener = noop,
+    listen: Callable[[StudyProgress], object] = noop,
     command: str = "twin.study.run_study",
     report: bool = True,
 ) -> StudyOutcome:
@@ -278,7 +276,7 @@ def chosen(study: Study) -> list[Case]:
     return [case for case in study.scenario.variants if case.variant in study.variants]
 
 
-def started(job: Job, study: Study, scheduler: str, workers: int, memory: int, timeout: float) -> Runner:
+def started(job: Job, study: Study, scheduler: str, workers: int, memory: int, timeout: float) -> Pool | WorkerCluster:
     """Processes here, or on a cluster."""
     if not scheduler:
         cases, factors = chosen(study), study.all_factors
