@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from twin.identify import Output
 
     RecordedSignals = Iterator[tuple[RecordedVariable, Array]]
+    Variables = list[tuple[str, EstimatedVariable | Output]]  # with their names
 
 ENDS = ("low", "median", "high")
 ROUNDING = 1e-9  # of times [s]
@@ -62,8 +63,8 @@ def recorded(path: str, variable: EstimatedVariable | Output | MemberVariable, t
 
 def estimate_signals(problem: FollowProblem, estimates: Sequence[Estimate]) -> RecordedSignals:
     """Yield estimates, measured and predicted signals, innovations and NIS."""
-    estimated = [(variable.name, variable) for variable in problem.estimates]
-    measured = [(output.signal, output) for output in problem.outputs]
+    estimated: Variables = [(variable.name, variable) for variable in problem.estimates]
+    measured: Variables = [(output.signal, output) for output in problem.outputs]
     for group, field, variables, text in (
         ("estimate", "values", estimated, "estimate"),
         ("deviation", "deviations", estimated, "standard deviation of the estimate"),

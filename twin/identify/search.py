@@ -190,7 +190,7 @@ class Residuals:
         self.model.used = True
         return columns
 
-    def searched(
+    def search(
         self, begin: Array, free: Sequence[int] | None = None, iterations: int = ITERATIONS, step: float = FINE
     ) -> tuple[Array, float]:
         """Search from a position; return its end and the cost there. `free`: unknowns that may change, all by default."""
@@ -258,10 +258,10 @@ def multistart_search(model: Predictor, count: int, seed: int, progress: Progres
     try:
         for number, start in enumerate(initial_points(residuals, count, seed, report)):
             report(f"start {number + 1} of {count}", number / count)
-            end, cost = residuals.searched(start, step=COARSE)
+            end, cost = residuals.search(start, step=COARSE)
             fit.starts.append(Start(start, end, cost))
         report("best start", 1.0)
-        fit.positions = residuals.searched(best_of(residuals, fit))[0]
+        fit.positions = residuals.search(best_of(residuals, fit))[0]
         fit.sigmas = settle(residuals, fit, report)
     except KeyboardInterrupt:
         fit.interrupted = True
@@ -328,6 +328,6 @@ def settle(residuals: Residuals, fit: Fit, report: Callable[[str, float], None])
             residuals(fit.positions)
         if alike:
             break
-        fit.positions = residuals.searched(fit.positions)[0]
+        fit.positions = residuals.search(fit.positions)[0]
         sigmas = estimated(residuals, fit.positions)
     return sigmas

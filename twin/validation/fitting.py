@@ -102,7 +102,7 @@ def refit(own: ValidationSet, data: Data, rows: Array, begin: Mapping[str, float
         return {}
     predictor = SetPredictor(own, data, unknowns, fitted_rows(own, data, rows), {})
     position = predictor.problem.positions(begin)
-    return predictor.problem.values(weighted_residuals(predictor, position).searched(position)[0])
+    return predictor.problem.values(weighted_residuals(predictor, position).search(position)[0])
 
 
 def fitted_rows(own: ValidationSet, data: Data, rows: Array) -> Array:
@@ -152,7 +152,7 @@ def correction(own: ValidationSet, data: Data, values: Mapping[str, float]) -> d
     positions = [predictor.problem.positions(begin)]
     residuals = weighted_residuals(predictor, positions[0])
     positions += [np.full(len(unknowns), share) for share in (0.25, 0.75)][: CORRECTION_SEARCHES - 1]
-    ends = [residuals.searched(position) for position in positions]
+    ends = [residuals.search(position) for position in positions]
     return predictor.problem.values(min(ends, key=lambda end: end[1])[0])
 
 

@@ -59,7 +59,7 @@ class Loader(KeyReader):
         """What is needed to simulate it."""
         assert self.model is not None, "what is missing was told"
         if self.keys.scenario:
-            self.notes += replay.overruled(
+            self.notes += replay.fixed_in_scenario(
                 self.model, self.full_case, [unknown for unknown in unknowns if not unknown.recording]
             )
         case, outputs = self.timed(self.reduced, self.compared, self.driving, unknowns)
@@ -316,7 +316,7 @@ class Loader(KeyReader):
     def reduce(self) -> None:
         """Let the inputs drive the case, and leave out what has no influence then."""
         try:
-            driven_case = replay.driven(
+            driven_case = replay.with_recorded_inputs(
                 self.full_case, self.catalog, [variable.signal for variable in self.keys.inputs.values()]
             )
         except TwinError as error:

@@ -94,7 +94,7 @@ class Distribution:
         parts = np.asarray(parts)
         if self.levels:
             index = np.minimum((parts * len(self.numbers)).astype(int), len(self.numbers) - 1)
-            return np.asarray(self.numbers)[index]
+            return np.asarray(np.asarray(self.numbers)[index])
         first, last = self.span
         parts = first + (last - first) * parts
         distances = score(parts) if self.is_normal else parts

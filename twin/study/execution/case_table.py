@@ -71,7 +71,7 @@ class CaseTable:
                     yield metric, variant, self.where(SAMPLED, variant)
 
 
-def together(study: Study, requests: Sequence[StudyRequest], journal: StudyJournal) -> CaseTable:
+def finished_cases(study: Study, requests: Sequence[StudyRequest], journal: StudyJournal) -> CaseTable:
     """Return the finished cases, sorted by number."""
     done = sorted(
         (request for request in requests if request.number in journal.rows), key=lambda request: request.number
