@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from twin.follow import change_reader
-from twin.follow.change_reader import read_changes
+from twin.follow import readers
 from twin.follow.changes import NO_CHANGE, UNKNOWN, Amount
+from twin.follow.readers import read_changes
 
 VARIABLES = {
     "rig.mu": ("parameter", "tunable", "", 1),
@@ -48,7 +48,7 @@ class Loader:
 
 @pytest.fixture(autouse=True)
 def sizes(monkeypatch):
-    monkeypatch.setattr(change_reader, "find", lambda name, _: SimpleNamespace(size=VARIABLES[name][3]))
+    monkeypatch.setattr(readers, "find", lambda name, _: SimpleNamespace(size=VARIABLES[name][3]))
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import math
 
 from tests.every_case import every_case
 from twin.follow.sources import Message
-from twin.follow.sources.json_message import parse
+from twin.follow.sources.messages import parse
 
 HUGE = b"1" + b"0" * 400
 NO_TIME = "`time` of a message is no number of seconds"

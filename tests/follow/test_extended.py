@@ -12,9 +12,8 @@ from tests.follow.test_follow import MU, SAMPLED, recording, write
 from twin.errors import ScenarioError
 from twin.follow import follow, in_band, load
 from twin.follow.batch import Batch
-from twin.follow.filtering.tangent_batch import TangentBatch
-from twin.follow.filtering.tangent_components import with_slopes
 from twin.follow.filters import Extended, Unscented
+from twin.follow.tangents import TangentBatch, with_slopes
 
 COUPLED = """
 stop_time: 30 s

@@ -13,9 +13,10 @@ from twin.face import open_run
 from twin.follow import EstimateRecording, Follower, follow, in_band, load, remarks, summary_of, write_run
 from twin.follow.changes import Alarm
 from twin.follow.estimate_recording import judge
-from twin.follow.follower import Estimate, nis_band, signals_of
-from twin.follow.forecasting.forecast import Forecast
+from twin.follow.follower import Estimate, nis_band
+from twin.follow.forecast import Forecast
 from twin.follow.problem import times_of
+from twin.follow.records import signals_of
 
 TEXT = """
 title: A free mass

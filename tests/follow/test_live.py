@@ -14,11 +14,11 @@ from twin.errors import ScenarioError, SimulationError
 from twin.follow import follow, load, load_live
 from twin.follow.live import MessageFollower
 from twin.follow.live_problem import LiveSignal
-from twin.follow.rig_keys import RigKeys
+from twin.follow.schema import RigKeys
 from twin.follow.sensor_clock import RigClock, SensorClock
 from twin.follow.signal_checks import Notes, SignalChecks
 from twin.follow.sources import Message
-from twin.follow.sources.json_message import parse
+from twin.follow.sources.messages import parse
 from twin.follow.timeline import InputSamples
 
 LIVE = VAN_DER_POL.replace("data: data.csv", "rig: {sources: {bench: {udp: 4710}}, max_delay: 500 ms}")

@@ -18,7 +18,7 @@ from twin.errors import SimulationError, TwinError
 from twin.follow.live import MessageFollower
 from twin.follow.live_problem import LiveSignal
 from twin.follow.publishing import Publisher
-from twin.follow.rig_keys import RigKeys
+from twin.follow.schema import RigKeys
 from twin.follow.sensor_clock import SensorClock
 from twin.follow.signal_checks import Notes
 from twin.follow.sources import Inbox, Message

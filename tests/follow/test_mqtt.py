@@ -15,7 +15,7 @@ from tests.follow.test_live_processes import WAIT, saved, start, until, words
 from twin.errors import SimulationError, TwinError
 from twin.face import open_run
 from twin.follow.publishing import Publisher
-from twin.follow.rig_keys import RigKeys, SourceKeys, topic_address
+from twin.follow.schema import RigKeys, SourceKeys, topic_address
 from twin.follow.sources import Message
 from twin.follow.sources.topics import TopicSource
 
@@ -150,7 +150,7 @@ def test_messages_of_a_broker_that_dies_and_comes_back(broker, port):
         (lost,) = taken(source, 1)
         line = f"the connection to the broker 127.0.0.1:{port} is lost; trying again."
         assert lost == Message("rig", lost.arrival, connection=line)
-        until(lambda: publisher.sender.problems == [line])
+        until(lambda: publisher.problems == [line])
         publisher.sender.send(b'{"tip": 3}')  # nothing takes it
         broker()
         until(

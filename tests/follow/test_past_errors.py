@@ -5,8 +5,7 @@ import pytest
 
 from twin.errors import ScenarioError
 from twin.follow import follow, load
-from twin.follow.forecasting.forecast import Forecast
-from twin.follow.forecasting.past_errors import PastErrors, widened
+from twin.follow.forecast import Forecast, PastErrors, widened
 
 BAND = np.array([[[-1.0]], [[0.0]], [[2.0]]])  # low, median and high of one point and one signal
 

@@ -11,10 +11,10 @@ from tests.follow.test_follow import VAN_DER_POL, recording, write
 from tests.follow.test_linear import POSITIONS, TIMES, linear_problem
 from twin.errors import ScenarioError
 from twin.follow import Follower, follow, load
-from twin.follow.filtering.smoother import FixedLagSmoother
 from twin.follow.filters import Ensemble, Extended, Unscented
-from twin.follow.follower import signals_of
 from twin.follow.problem import times_of
+from twin.follow.records import signals_of
+from twin.follow.smoother import FixedLagSmoother
 
 LAG = 4
 

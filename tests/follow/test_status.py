@@ -10,7 +10,7 @@ import pytest
 from tests.follow.test_linear import estimate
 from twin.follow import FollowStatus
 from twin.follow.changes import Alarm
-from twin.follow.forecasting.forecast import Forecast
+from twin.follow.forecast import Forecast
 
 
 class Problem:

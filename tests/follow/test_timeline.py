@@ -9,8 +9,7 @@ import pytest
 
 from tests.every_case import every_case
 from twin.follow.follower import SavedFollower
-from twin.follow.revision import RevisableFollower
-from twin.follow.timeline import InputSamples, Timeline
+from twin.follow.timeline import InputSamples, RevisableFollower, Timeline
 
 BEGIN, STEP = 1_000_000_000, 10_000_000  # [ns]
 
@@ -140,7 +139,7 @@ def revisable(monkeypatch):
         rig=SimpleNamespace(max_delay=5 * STEP + 1), experiment=SimpleNamespace(case=case), inputs=["force"]
     )
     problem.tables, problem.longest_interval = (table,), 100.0
-    monkeypatch.setattr("twin.follow.revision.Follower", lambda *_: Recorded(table))
+    monkeypatch.setattr("twin.follow.timeline.Follower", lambda *_: Recorded(table))
     own = timeline()
     own.add_input(0, 1.0, 10.0)
     return RevisableFollower(problem, own)

@@ -11,7 +11,7 @@ import pytest
 from tests.follow.test_live_processes import until
 from twin.errors import SimulationError, TwinError
 from twin.follow.publishing import Publisher
-from twin.follow.rig_keys import SourceKeys, topic_address, with_sources
+from twin.follow.schema import SourceKeys, topic_address, with_sources
 from twin.follow.sources import Message
 from twin.follow.sources.topics import TopicSource
 
@@ -98,7 +98,7 @@ def test_messages_of_a_router_that_goes_away_and_comes_back(router, port):
         lost = until(lambda: source.receive(0.1))[0]
         line = f"the connection to the router 127.0.0.1:{port} is lost; trying again."
         assert lost == Message("rig", lost.arrival, connection=line)
-        until(lambda: publisher.sender.problems == [line])
+        until(lambda: publisher.problems == [line])
         publisher.sender.send(b'{"tip": 3}')  # nothing takes it
         router()
         until(

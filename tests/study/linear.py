@@ -30,6 +30,7 @@ class Formula:
                 Unknown(f"m.p{i}", "m", 0.0, 10.0, 5.0, member="m", variable=f"p{i}") for i in range(unknowns)
             ),
             count=sum(len(one.values) for one in outputs),
+            positions=lambda: np.full(unknowns, 0.5),
             keys=SimpleNamespace(loss=loss, confidence=0.9),
         )
         self.function, self._slopes = function, slopes

@@ -47,7 +47,7 @@ def test_intervals_of_rank_correlations_hold_as_often_as_they_say():
     truth = 6 / np.pi * np.arcsin(0.7 / 2)
     for _ in range(300):
         values, other = generator.standard_normal((2, 60))
-        effect = sensitivity.ranked("gain", values, 0.7 * values + np.sqrt(1 - 0.7**2) * other)
+        effect = sensitivity.rank_correlation("gain", values, 0.7 * values + np.sqrt(1 - 0.7**2) * other)
         inside.append(effect.first_interval[0] < truth < effect.first_interval[1])
     assert np.mean(inside) == pytest.approx(0.95, abs=0.03)
 

@@ -167,7 +167,7 @@ def test_a_study_that_no_worker_can_begin_is_refused(cluster):
 def test_the_memory_of_a_worker_is_shared_by_its_threads(monkeypatch):
     from twin.study.execution import cluster as module
 
-    monkeypatch.setattr(module, "unpacked", lambda archive, folder, job: (archive, folder.is_dir(), job))
+    monkeypatch.setattr(module, "unpack", lambda archive, folder, job: (archive, folder.is_dir(), job))
     monkeypatch.setattr(
         module, "Process", lambda *arguments: SimpleNamespace(arguments=arguments, close=lambda: closed.append(1))
     )

@@ -8,7 +8,7 @@ from tests.every_case import every_case
 from tests.study.patients import SCENARIO, STUDY, study_file
 from twin.errors import ScenarioError
 from twin.study.design import Assignment, Distribution, load_study, valued
-from twin.study.design.distribution import TAIL
+from twin.study.design.sampling import TAIL
 
 EVEN = np.linspace(0.005, 0.995, 100)
 

@@ -13,7 +13,7 @@ from twin.component import catalog
 from twin.fmi.exporting import exporter
 from twin.identify import identify, load, read_estimate
 from twin.identify.model import Model
-from twin.identify.verdict import pairs
+from twin.identify.result import pairs
 from twin.scenario import parse_scenario
 
 TRUTH = {"sheath.play[2]": 0.7e-3}

@@ -1,11 +1,13 @@
 """Keys of an identify file as values: bounds and first guesses, probabilities, files, the name of the only member."""
 
+from math import nan
+
 import pytest
 
 from tests.every_case import every_case
 from tests.study.recordings import identify_file
 from twin.identify.recordings.reader import KeyReader, member_of
-from twin.identify.recordings.schema import IdentifyKeys, RangeKeys, files, probability
+from twin.identify.recordings.schema import FileKeys, IdentifyKeys, RangeKeys, probability
 from twin.scenario import read, validate
 
 
@@ -31,8 +33,8 @@ def test_name_of_the_only_member(component, name):
         ({"from": "1 mm", "to": "3 mm"}, 2e-3, (1e-3, 3e-3, 2e-3), ""),
         ({"from": "1 mm", "to": "3 mm"}, 3e-3, (1e-3, 3e-3, 3e-3), ""),
         ({"from": "1 mm", "to": "3 mm"}, 4e-3, (1e-3, 3e-3, 2e-3), ""),  # the model's own value is outside: the middle
-        ({"from": "1 mm", "to": "3 mm"}, None, (1e-3, 3e-3, 2e-3), ""),
-        ({"from": "1 mm", "to": "4 mm", "scale": "log"}, None, (1e-3, 4e-3, 2e-3), ""),
+        ({"from": "1 mm", "to": "3 mm"}, nan, (1e-3, 3e-3, 2e-3), ""),
+        ({"from": "1 mm", "to": "4 mm", "scale": "log"}, nan, (1e-3, 4e-3, 2e-3), ""),
         ({"from": "1 mm", "to": "4 mm", "start": "4 mm"}, 2e-3, (1e-3, 4e-3, 4e-3), ""),
         (
             {"from": "1 mm", "to": "4 mm", "start": "0.9 mm"},
@@ -40,10 +42,10 @@ def test_name_of_the_only_member(component, name):
             None,
             "start 0.9 mm is outside of 1 mm to 4 mm. Move it.",
         ),
-        ({"from": "2 mm", "to": "2 mm"}, None, None, "from 2 mm is not below to 2 mm. Swap them."),
+        ({"from": "2 mm", "to": "2 mm"}, nan, None, "from 2 mm is not below to 2 mm. Swap them."),
         (
             {"from": "0 mm", "to": "2 mm", "scale": "log"},
-            None,
+            nan,
             None,
             "from 0 mm is not above zero, as scale: log needs it.",
         ),
@@ -75,13 +77,13 @@ def test_no_probability(value):
 @pytest.mark.parametrize(
     ("value", "expected"),
     [
-        ("a.csv", [{"file": "a.csv"}]),
-        ({"file": "a.csv", "gap": 1}, [{"file": "a.csv", "gap": 1}]),
-        (["a", {"file": "b"}], [{"file": "a"}, {"file": "b"}]),
+        ("a.csv", [FileKeys(file="a.csv")]),
+        ({"file": "a.csv", "seed": 1}, [FileKeys(file="a.csv", seed=1)]),
+        (["a", {"file": "b"}], [FileKeys(file="a"), FileKeys(file="b")]),
     ],
 )
 def test_files_by_their_paths(value, expected):
-    assert files(value) == expected
+    assert IdentifyKeys.model_validate({"data": value}).data == expected
 
 
 @pytest.mark.parametrize("data", ["{a.csv: {gap: 2 s}}", "5", "[{file: a.csv, gaps: 2 s}]"])

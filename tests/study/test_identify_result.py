@@ -9,9 +9,8 @@ import yaml
 from tests.every_case import every_case
 from tests.study.identified import COVARIANCE, DRAG, OFFSET, PLAY, POSITIONS, known, output, problem, recording, result
 from twin.identify import Fit
-from twin.identify.result import command_line
+from twin.identify.result import command_line, pairs, verdicts
 from twin.identify.search import Start
-from twin.identify.verdict import pairs, verdicts
 
 
 @every_case(

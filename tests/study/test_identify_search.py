@@ -100,14 +100,14 @@ def test_derivatives_that_the_model_tells_are_compared_once():
 def test_a_search_ends_at_the_least_squares():
     errors = 0.01 * np.random.default_rng(1).standard_normal(8)
     residuals = Residuals(straight(errors), [0.01])
-    end, cost = residuals.searched(np.array([0.0, 1.0]))
+    end, cost = residuals.search(np.array([0.0, 1.0]))
     wanted, (left,), *_ = np.linalg.lstsq(MATRIX, MATRIX @ TRUTH + errors, rcond=None)
     assert end == pytest.approx(wanted, abs=1e-6)
     assert cost == pytest.approx(0.5 * left / 1e-4)
-    held, _ = residuals.searched(np.array([0.0, 0.6]), [1])
+    held, _ = residuals.search(np.array([0.0, 0.6]), [1])
     assert held[0] == 0.0
     assert held[1] == pytest.approx(MATRIX[:, 1] @ (MATRIX @ TRUTH + errors) / np.sum(MATRIX[:, 1] ** 2), abs=1e-6)
-    alone, cost = residuals.searched(TRUTH, [])
+    alone, cost = residuals.search(TRUTH, [])
     assert alone is TRUTH
     assert cost == pytest.approx(0.5 * np.sum(errors**2) / 1e-4)
 

@@ -38,9 +38,9 @@ def impatient():
 
 
 def test_before_the_first_case(study, build, tmp_path, monkeypatch):
-    prepared = study_runner.prepared
+    build_job = study_runner.build_job
     with monkeypatch.context() as patch:
-        patch.setattr(study_runner, "prepared", lambda *given: (impatient(), prepared(*given)))
+        patch.setattr(study_runner, "build_job", lambda *given: (impatient(), build_job(*given)))
         outcome = run_study(study, root=tmp_path, build=build, workers=1)
     assert (outcome.status, outcome.cases.rows) == ("interrupted", [])
     assert outcome.cases.values.shape == (0, 3)

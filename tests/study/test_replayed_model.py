@@ -46,7 +46,7 @@ def connected(case):
 
 def test_a_recorded_output_drives_all_that_read_it(model):
     case, catalog = model
-    driven = replay.driven(case, catalog, ["chirp.position"])
+    driven = replay.with_recorded_inputs(case, catalog, ["chirp.position"])
     assert sorted(connected(driven)) == [
         ("recorded 1.value", "second.gripper_position", 2.0),
         ("recorded 1.value", "sheath.gripper_position", 1.0),
@@ -73,7 +73,7 @@ def test_a_recorded_output_is_converted_as_the_output_was():
 
 def test_recorded_inputs_replace_what_drives_them(model):
     case, catalog = model
-    driven = replay.driven(case, catalog, ["sheath.gripper_position", "second.gripper_position"])
+    driven = replay.with_recorded_inputs(case, catalog, ["sheath.gripper_position", "second.gripper_position"])
     assert connected(driven) == [
         ("recorded 1.value", "sheath.gripper_position", 1.0),
         ("recorded 2.value", "second.gripper_position", 1.0),
@@ -82,12 +82,12 @@ def test_recorded_inputs_replace_what_drives_them(model):
     assert "table" in replay.catalog_of(driven, catalog)["recorded 2"]
     assert replay.catalog_of(driven, catalog)["sheath"] is catalog["sheath"]
     with pytest.raises(TwinError, match=r"^sheath\.tip_position: nothing in the model reads it, .* Name an input\.$"):
-        replay.driven(case, catalog, ["sheath.tip_position"])
+        replay.with_recorded_inputs(case, catalog, ["sheath.tip_position"])
 
 
 def test_recorded_members_read_their_tables(model):
     case, catalog = model
-    driven = replay.driven(case, catalog, ["sheath.gripper_position", "second.gripper_position"])
+    driven = replay.with_recorded_inputs(case, catalog, ["sheath.gripper_position", "second.gripper_position"])
     own = replay.with_influence(driven, ["second.tip_position", "second.position[2]"])
     assert list(own.members) == ["second", "recorded 2"]
     tables = [np.zeros(3), np.zeros(5)]

@@ -11,11 +11,10 @@ from tests.study.patients import STUDY, study_file
 from twin.study import Answers, load_study
 from twin.study.answers import clusters, sensitivity, statistics, tables
 from twin.study.answers.clusters import discriminating_factors
-from twin.study.answers.sensitivity import Effect, by_size, driven, ranked
-from twin.study.answers.sentences import largest_p_value
-from twin.study.answers.statistics import PassRate, Quantile, quantile, wilson
+from twin.study.answers.sensitivity import Effect, by_size, metric_sensitivity, rank_correlation
+from twin.study.answers.statistics import PassRate, Quantile, largest_p_value, quantile, wilson
 from twin.study.design import Distribution
-from twin.study.design.distribution import KINDS, wrong_numbers
+from twin.study.design.sampling import wrong_numbers
 from twin.study.execution.case_engine import Row
 from twin.study.execution.case_table import CaseTable
 
@@ -27,11 +26,11 @@ INF, NAN = np.inf, float("nan")
     [("uniform", (2.0, 6.0)), ("log_uniform", (0.1, 10.0)), ("normal", (1.0, 0.5)), ("log_normal", (3.0, 1.5))],
 )
 def test_the_part_below_a_quantile_is_its_part(kind, numbers):
-    values, below, _ = KINDS[kind]
+    own = Distribution(kind, numbers)
     for part in (0.1, 0.5, 0.8):
-        assert below(float(values(np.array(part), *numbers)), *numbers) == pytest.approx(part)
+        assert own.below(float(own.values(np.array(part)))) == pytest.approx(part)
     if kind.startswith("log"):
-        assert below(0.0, *numbers) == below(-1.0, *numbers) == 0.0
+        assert own.below(0.0) == own.below(-1.0) == 0.0
 
 
 @every_case(
@@ -153,29 +152,29 @@ def test_pass_rates_and_orders(tmp_path):
 
 def test_rank_correlation_with_fishers_interval():
     values = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
-    found = ranked("rate", values, np.array([1.0, 3.0, 2.0, 5.0, 40.0]))
+    found = rank_correlation("rate", values, np.array([1.0, 3.0, 2.0, 5.0, 40.0]))
     assert found.first == pytest.approx(0.9)
     half = 1.96 * np.sqrt((1 + 0.405) / 2)
     assert found.first_interval == pytest.approx((np.tanh(1.47222 - half), np.tanh(1.47222 + half)), abs=1e-4)
     assert np.isnan([found.total, *found.total_interval]).all()
-    assert ranked("rate", -values, np.array([1.0, 3.0, 2.0, 5.0, 40.0])).first == pytest.approx(-0.9)
-    constant = ranked("rate", np.ones(5), values)
+    assert rank_correlation("rate", -values, np.array([1.0, 3.0, 2.0, 5.0, 40.0])).first == pytest.approx(-0.9)
+    constant = rank_correlation("rate", np.ones(5), values)
     assert (constant.first, np.isnan(constant.first_interval).all()) == (0.0, True)
-    two = ranked("rate", values[:2], values[:2])
+    two = rank_correlation("rate", values[:2], values[:2])
     assert (two.first, two.first_interval) == (pytest.approx(1.0), (-1.0, 1.0))
-    both_seeds = ranked("rate", np.tile(values, 2), np.tile([1.0, 3.0, 2.0, 5.0, 40.0], 2), seeds=2)
+    both_seeds = rank_correlation("rate", np.tile(values, 2), np.tile([1.0, 3.0, 2.0, 5.0, 40.0], 2), seeds=2)
     assert both_seeds.first_interval == pytest.approx(found.first_interval, abs=1e-9)
 
 
 def test_intervals_of_eight_ranks_stay_within_one():
     generator, values = np.random.default_rng(3), np.arange(8.0)
     for output in [*generator.standard_normal((50, 8)), values, -values]:
-        effect = ranked("rate", values, output)
+        effect = rank_correlation("rate", values, output)
         low, high = effect.first_interval
         assert -1.0 <= low <= effect.first + 1e-12
         assert effect.first - 1e-12 <= high <= 1.0
         assert (effect.p_value < 0.05) == (low > 0.0 or high < 0.0)
-    assert ranked("rate", values, values).first_interval == (pytest.approx(0.81, abs=0.02), 1.0)
+    assert rank_correlation("rate", values, values).first_interval == (pytest.approx(0.81, abs=0.02), 1.0)
 
 
 def test_holms_method_accepts_few_of_many_tests():
@@ -199,15 +198,17 @@ def test_what_drives_a_metric_is_told_from_eight_samples(tmp_path, count, is_tol
     assert bool(sensitivity.drivers(cases)) is is_told
     study = cases.study
     inputs, output = cases.values[:, : len(study.factors)], np.array([*forces, NAN])
-    found = driven(study, "force_max", "plain", np.vstack([inputs, inputs[:1]]), output)
+    found = metric_sensitivity(study, "force_max", "plain", np.vstack([inputs, inputs[:1]]), output)
     assert (found is not None) is is_told
     if found:
         assert (found.metric, found.variant, found.kind, found.note) == ("force_max", "plain", "rank", "")
-        expected = {one.name: repr(ranked(one.name, inputs[:, k], output[:-1])) for k, one in enumerate(study.factors)}
+        expected = {
+            one.name: repr(rank_correlation(one.name, inputs[:, k], output[:-1])) for k, one in enumerate(study.factors)
+        }
         assert {
             one.factor: repr(one) for one in found.effects
         } == expected  # NaN: equal objects only before Python 3.13
-    assert driven(study, "force_max", "plain", inputs, np.full(count, 0.5)) is None  # the same everywhere
+    assert metric_sensitivity(study, "force_max", "plain", inputs, np.full(count, 0.5)) is None  # the same everywhere
 
 
 @pytest.mark.parametrize(("method", "kind"), [("sensitivity", "sobol"), ("morris", "morris")])
@@ -219,16 +220,16 @@ def test_a_scheme_has_to_be_complete(monkeypatch, method, kind):
     seen = []
     monkeypatch.setattr(sensitivity, kind, lambda _study, output: seen.append(output.tolist()) or (kind, ("effect",)))
     values = np.array([1.0, 3.0, 5.0, 7.0, 2.0, 2.0, 4.0, 6.0, 0.0, 9.0])
-    found = driven(study, "force", "plain", np.zeros((10, 2)), values)
+    found = metric_sensitivity(study, "force", "plain", np.zeros((10, 2)), values)
     assert (found.kind, found.effects, found.note) == (kind, ("effect",), "")
     assert seen.pop() == [2.0, 6.0, 2.0, 5.0, 4.5]
     values[9] = NAN
     assert (
-        driven(study, "force", "plain", np.zeros((10, 2)), values).note
+        metric_sensitivity(study, "force", "plain", np.zeros((10, 2)), values).note
         == "1 cases without a value count as the median."
     )
     assert seen.pop() == [2.0, 6.0, 2.0, 5.0, 1.5]  # 0 and the median of the nine, 3
-    assert driven(study, "force", "plain", np.zeros((9, 2)), values[:9]) is None
+    assert metric_sensitivity(study, "force", "plain", np.zeros((9, 2)), values[:9]) is None
 
 
 def test_factors_by_which_cases_differ():

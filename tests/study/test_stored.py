@@ -124,7 +124,7 @@ def test_files_that_a_scenario_names_travel_with_it(tmp_path):
             archive.writestr(name, content)
     there = tmp_path / "there"
     job = Job(Path("s.yaml"), (), (), (), 1, Path("b"))
-    unpacked = study_archive.unpacked(out.getvalue(), there, job)
+    unpacked = study_archive.unpack(out.getvalue(), there, job)
     assert (unpacked.scenario, unpacked.build) == (there / "scenario.yaml", there / "build")
     assert "@HERE@" not in unpacked.scenario.read_text()
     named = Path(re.search(r"a: (.*)", unpacked.scenario.read_text())[1])
@@ -133,7 +133,7 @@ def test_files_that_a_scenario_names_travel_with_it(tmp_path):
     with zipfile.ZipFile(out := io.BytesIO(), "w") as archive:
         archive.writestr("../out.txt", "x")
     with pytest.raises(ScenarioError, match=r"^\.\./out\.txt: would be unpacked outside of"):
-        study_archive.unpacked(out.getvalue(), there, job)
+        study_archive.unpack(out.getvalue(), there, job)
 
 
 def test_an_archive_has_the_scenario_and_what_is_built_for_it(tmp_path, monkeypatch):
@@ -158,11 +158,11 @@ def test_an_archive_has_the_scenario_and_what_is_built_for_it(tmp_path, monkeypa
 
     monkeypatch.setattr(study_archive, "Engine", Built)
     job = Job(scenario, (), (), (), 1, tmp_path / "build")
-    data = study_archive.packed(job, ("plain", "soft"))
+    data = study_archive.pack(job, ("plain", "soft"))
     assert calls == ["plain", "soft", "closed"]
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         assert {name: archive.read(name) for name in archive.namelist()} == {
             "scenario.yaml": b"a: 1\n",
             "build/heart/heart.so": b"native",
         }
-    assert study_archive.packed(job, ()) == data
+    assert study_archive.pack(job, ()) == data

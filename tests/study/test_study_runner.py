@@ -17,13 +17,13 @@ from twin.study.execution.case_engine import Row
 from twin.study.execution.case_table import CaseTable
 from twin.study.execution.study_runner import (
     StudyOutcome,
-    about,
-    ended,
-    every_part,
     expected,
     finish,
+    initial_entries,
     keep_runs,
-    started,
+    progress_entries,
+    run_parts,
+    start_runner,
 )
 
 SEARCHES = """
@@ -62,7 +62,7 @@ def test_searches_go_on_with_the_numbers_of_the_samples(tmp_path, monkeypatch, t
     )
     monkeypatch.setattr(study_runner, "tune", lambda _study, _cases, number: seen.append(f"tune {number}") or tuned)
     outcome = outcome_of(study, tmp_path)
-    every_part(outcome, cases)
+    run_parts(outcome, cases)
     assert seen == parts
     assert (outcome.worst, outcome.tuned) == ((worst, tuned) if len(parts) > 1 else (None, None))
     assert expected(study) == 12 + (64 + 13 * 6 if len(parts) > 1 else 0)
@@ -70,7 +70,7 @@ def test_searches_go_on_with_the_numbers_of_the_samples(tmp_path, monkeypatch, t
 
 def test_what_is_known_before_and_after_a_study(tmp_path):
     study = loaded(tmp_path)
-    before = about(study, "twin study patients.yaml")
+    before = initial_entries(study, "twin study patients.yaml")
     assert {key: before[key] for key in ("study", "title", "frozen", "options", "command", "samples", "cases")} == {
         "study": "patients",
         "title": study.title,
@@ -93,7 +93,7 @@ def test_what_is_known_before_and_after_a_study(tmp_path):
     outcome = outcome_of(study, tmp_path)
     after = {"status": "completed", "done": 4, "failed": 1, "seconds": 12.345, "engine": "3 processes"}
     outcome.engine = "3 processes"
-    assert ended(outcome) == after
+    assert progress_entries(outcome) == after
 
 
 ANALYSIS = """
@@ -126,7 +126,7 @@ def test_what_decides_the_results_has_a_hash(tmp_path, monkeypatch):
 def test_processes_here_or_a_cluster(tmp_path, monkeypatch):
     monkeypatch.setattr(study_runner, "Pool", lambda *arguments: arguments)
     study = loaded(tmp_path)
-    *arguments, grouped = started("job", study, "", 3, 100, 2.0)
+    *arguments, grouped = start_runner("job", study, "", 3, 100, 2.0)
     assert arguments == ["job", 3, 100, 2.0]
     assert [[one.number] for one in study.requests()] == [
         [one.number for one in group] for group in grouped(study.requests())

@@ -63,7 +63,7 @@ def test_residuals_are_weighted_by_what_they_are_at_first():
     own = Formula([REST])
     own.keys.outputs["y"].noise = "3 m"
     predictor = SetPredictor(own, measured(errors=np.array([0, 3, -3, 3, 0, 3])), [REST], ALL, {"gain": 2.0})
-    assert weighted_residuals(predictor, {"rest": 1.0}).sigmas == [pytest.approx(np.sqrt(6)), 1.0, 3.0]
+    assert weighted_residuals(predictor, np.array([REST.position(1.0)])).sigmas == [pytest.approx(np.sqrt(6)), 1.0, 3.0]
 
 
 def test_a_fit_finds_values_and_their_intervals():
@@ -73,27 +73,27 @@ def test_a_fit_finds_values_and_their_intervals():
     steps = []
     fitted = fit(own, data, ALL, starts=2, seed=1, progress=lambda *step: steps.append(step))
     mean = 0.7 + np.mean(errors)
-    assert fitted.values == {"rest": pytest.approx(mean, abs=1e-6)}
-    low, high = fitted.intervals["rest"]
+    assert list(fitted) == ["rest"]
+    assert fitted["rest"]["value"] == pytest.approx(mean, abs=1e-6)
+    low, high = fitted["rest"]["interval"]
     assert (low + high) / 2 == pytest.approx(mean, abs=1e-6)
     assert 0.0 < high - low < 0.1
-    assert fitted.units == {"rest": "rad"}
-    assert fitted.simulations > 4
+    assert fitted["rest"]["unit"] == "rad"
+    assert len(steps) > 4
     assert steps[0][:2] == ("first guess", 0.0)
     own = Formula([GAIN])
     fitted = fit(own, measured(rest=0.5, gain=4.0, errors=errors), ALL, starts=1, seed=0, progress=lambda *_: None)
-    assert fitted.values["gain"] == pytest.approx(4.0, abs=0.01)
-    low, high = fitted.intervals["gain"]
-    assert low < fitted.values["gain"] < high
-    assert low * high == pytest.approx(fitted.values["gain"] ** 2)  # even on a logarithmic scale
-    nothing = fit(Formula(), data, ALL, starts=1, seed=0, progress=lambda *_: None)
-    assert (nothing.values, nothing.intervals, nothing.units, nothing.simulations) == ({}, {}, {}, 0)
+    value, (low, high) = fitted["gain"]["value"], fitted["gain"]["interval"]
+    assert value == pytest.approx(4.0, abs=0.01)
+    assert low < value < high
+    assert low * high == pytest.approx(value**2)  # even on a logarithmic scale
+    assert fit(Formula(), data, ALL, starts=1, seed=0, progress=lambda *_: None) == {}
 
 
 def test_intervals_end_at_the_bounds():
     errors = np.array([30, -30, -30, 30, 30, -30])
     fitted = fit(Formula([REST]), measured(errors=errors), ALL, starts=1, seed=0, progress=lambda *_: None)
-    assert fitted.intervals == {"rest": (-1.0, 3.0)}
+    assert fitted["rest"]["interval"] == [-1.0, 3.0]
 
 
 def test_a_fold_is_fitted_to_the_other_rows():
@@ -147,7 +147,7 @@ def test_the_interval_of_a_fit_is_students():
     own = Formula([REST])
     for keys in own.keys.outputs.values():
         keys.noise = "0.01"
-    low, high = fit(own, measured(gain=1.0, errors=errors), ALL, starts=1, seed=0, progress=lambda *_: None).intervals[
-        "rest"
+    low, high = fit(own, measured(gain=1.0, errors=errors), ALL, starts=1, seed=0, progress=lambda *_: None)["rest"][
+        "interval"
     ]
     assert (high - low) / 2 == pytest.approx(stats.t.ppf(0.975, 17) * 0.01 / np.sqrt(6), rel=1e-4)

@@ -13,7 +13,7 @@ import pytest
 from tests.every_case import every_case
 from tests.validation.arrays import data_of
 from twin.errors import TwinError
-from twin.validation import networks
+from twin.validation import baselines
 from twin.validation.baselines import fit_baseline, predict_baseline
 
 TWO = [np.array([[1.0], [2.0], [4.0], [8.0]]), np.array([[5.0], [7.0], [6.0]])]
@@ -32,28 +32,28 @@ THREE = [np.array([[0.0], [1.0], [3.0], [6.0]]), np.array([[2.0], [4.0], [0.0]])
 )
 def test_rows_between_predictions(step, lengths, stride):
     data = data_of([np.zeros((n, 1)) for n in lengths], [np.zeros((n, 1)) for n in lengths], step=step)
-    assert networks.stride_of(data, 2) == stride
-    assert networks.stride_of(data, 0) == 1
+    assert baselines.stride_of(data, 2) == stride
+    assert baselines.stride_of(data, 0) == 1
 
 
 def test_rows_before_a_window_continue_it():
     window, first, change = np.array([[5.0, 1.0], [6.0, 3.0]]), np.array([5.0, 1.0]), np.array([1.0, -2.0])
-    assert networks.padded(window, first, change, 2).tolist() == [[3, 5], [4, 3], [5, 1], [6, 3]]
-    assert networks.padded(window, first, change, 0).tolist() == window.tolist()
+    assert baselines.padded(window, first, change, 2).tolist() == [[3, 5], [4, 3], [5, 1], [6, 3]]
+    assert baselines.padded(window, first, change, 0).tolist() == window.tolist()
 
 
 def test_regressors_are_earlier_outputs_and_all_inputs_the_newest_first():
     y, u = np.array([[0.0], [1.0], [2.0], [3.0]]), np.array([[10.0], [11.0], [12.0], [13.0]])
-    assert networks.regressors(y, u, 2, 2).tolist() == [1, 0, 12, 11, 10]
-    assert networks.regressors(y, u, np.array([2, 3]), 2).tolist() == [[1, 0, 12, 11, 10], [2, 1, 13, 12, 11]]
-    assert networks.regressors(y, u, np.array([0, 3]), 0).tolist() == [[10], [13]]
+    assert baselines.regressors(y, u, 2, 2).tolist() == [1, 0, 12, 11, 10]
+    assert baselines.regressors(y, u, np.array([2, 3]), 2).tolist() == [[1, 0, 12, 11, 10], [2, 1, 13, 12, 11]]
+    assert baselines.regressors(y, u, np.array([0, 3]), 0).tolist() == [[10], [13]]
 
 
 def test_scales_are_of_the_rows_of_a_fit():
     """Outputs by the rows that count, inputs by all; what is constant is not scaled."""
     inputs = [np.stack([[1.0, 2.0, 4.0, 8.0], np.full(4, 3.0)], 1)]
     data = data_of(inputs, [np.stack([[0.0, 2.0, 4.0, 90.0], np.full(4, 7.0)], 1)], step=0.01)
-    found = networks.scales(data, np.array([True, True, True, False]), 2)
+    found = baselines.scales(data, np.array([True, True, True, False]), 2)
     assert (found["lags"], found["stride"]) == (2, 1)
     assert found["center"] == [[2.0, 7.0], [3.75, 3.0]]
     assert found["scale"][0] == pytest.approx([np.std([0, 2, 4]), 1.0])
@@ -63,17 +63,17 @@ def test_scales_are_of_the_rows_of_a_fit():
 def test_measurements_on_the_grid():
     """A sample between two rows counts for both sides; next to a row that is left out nothing is known."""
     data = data_of(TWO, THREE)
-    found = networks.measured_on_grid(data, np.array([True, True, False, True, True, True, True]))
+    found = baselines.measured_on_grid(data, np.array([True, True, False, True, True, True, True]))
     assert found[:, 0] == pytest.approx([0.0, 1.0, np.nan, 6.0, 2.0, 4.0, 0.0], nan_ok=True)
     data = data_of([np.zeros((4, 1)), np.zeros((3, 1))], [[[1.0], [3.0]], [[5.0], [9.0]]])
     data.lower[:], data.weight[:] = [0, 2, 4, 5], [0.0, 0.5, 0.0, 1.0]  # in rows 0 and 2.5 of 4, 0 and 2 of 3
-    assert networks.measured_on_grid(data, np.ones(4, bool))[:, 0] == pytest.approx([1, 1.8, 2.6, 3, 5, 7, 9])
+    assert baselines.measured_on_grid(data, np.ones(4, bool))[:, 0] == pytest.approx([1, 1.8, 2.6, 3, 5, 7, 9])
 
 
 def test_windows_are_scaled_and_begin_at_their_measured_rates():
     data = data_of(TWO, THREE, step=0.5, rates=[[2.0], [-1.0]])
     frozen = {"lags": 2, "stride": 2, "center": [[1.0], [4.0]], "scale": [[2.0], [0.5]]}
-    (y, u), (z, v) = networks.scaled_windows(frozen, data, data.measured)
+    (y, u), (z, v) = baselines.scaled_windows(frozen, data, data.measured)
     # predictions are 1 s apart: (0 - 1) / 2 less one or two times 2 / 2
     assert y[:, 0].tolist() == [-2.5, -1.5, -0.5, 1.0]
     assert u[:, 0].tolist() == [-6, -6, -6, 0]
@@ -137,7 +137,7 @@ def test_a_static_network_is_a_function_of_the_inputs():
     assert predict_baseline("network", frozen, data)[:, 0] == pytest.approx(y)
     rows = np.array([False, True, True, False, False, True, False])
     error = ((y - data.measured[:, 0]) / 2)[rows]
-    assert networks.roll_out_error(frozen, data, rows) == pytest.approx(np.mean(error**2))
+    assert baselines.roll_out_error(frozen, data, rows) == pytest.approx(np.mean(error**2))
 
 
 class Regressor:
@@ -177,7 +177,7 @@ def test_a_network_is_trained_on_increments_of_complete_rows(regressors):
     y = [np.array([[0.0], [1.0], [3.0], [6.0], [10.0], [15.0]]), np.array([[5.0], [3.0], [-1.0]])]
     data = data_of(u, y, step=1.0, rates=[[1.0], [2.0]])
     rows = np.arange(9) != 2
-    frozen = networks.trained(COMMON, data, rows, 0.5)
+    frozen = baselines.trained(COMMON, data, rows, 0.5)
     (made,) = regressors
     assert made.matrix.tolist() == [
         [0, -1, 11, 10, 10],
@@ -188,11 +188,11 @@ def test_a_network_is_trained_on_increments_of_complete_rows(regressors):
     targets = np.array([1.0, 5.0, -2.0, -4.0])
     assert made.values == pytest.approx(targets / np.std(targets))
     assert made.options == {
-        "hidden_layer_sizes": (networks.HIDDEN,),
+        "hidden_layer_sizes": (baselines.HIDDEN,),
         "activation": "tanh",
         "solver": "lbfgs",
         "alpha": 0.5,
-        "max_iter": networks.ITERATIONS,
+        "max_iter": baselines.ITERATIONS,
         "max_fun": 10**6,
         "random_state": 0,
     }
@@ -208,8 +208,8 @@ def test_a_static_network_is_trained_on_the_outputs(regressors, monkeypatch):
     common = COMMON | {"lags": 0, "center": [[0.0, 0.0], [0.0]], "scale": [[1.0, 1.0], [1.0]]}
     y = np.stack([np.arange(9.0) ** 2, np.full(9, 4.0)], 1)
     data = data_of([np.arange(9.0)[:, None]], [y])
-    monkeypatch.setattr(networks, "ROWS", 5)
-    frozen = networks.trained(common, data, np.ones(9, bool), 1.0)
+    monkeypatch.setattr(baselines, "ROWS", 5)
+    frozen = baselines.trained(common, data, np.ones(9, bool), 1.0)
     (made,) = regressors
     assert made.matrix.tolist() == [[0], [2], [4], [6], [8]]
     spread = np.std([0.0, 4.0, 16.0, 36.0, 64.0])
@@ -225,7 +225,7 @@ def test_the_penalty_is_chosen_by_the_middle_third(regressors, monkeypatch, name
     calls = []
 
     def train(common, _data, trained_rows, penalty):
-        assert common == networks.scales(data, rows, lags)
+        assert common == baselines.scales(data, rows, lags)
         calls.append((penalty, np.flatnonzero(trained_rows).tolist()))
         return {"penalty": penalty}
 
@@ -233,8 +233,8 @@ def test_the_penalty_is_chosen_by_the_middle_third(regressors, monkeypatch, name
         assert np.flatnonzero(left_out).tolist() == [4, 5, 6]
         return {1e-3: 3.0, 1e-1: 1.0, 10.0: 2.0}[frozen["penalty"]]
 
-    monkeypatch.setattr(networks, "trained", train)
-    monkeypatch.setattr(networks, "roll_out_error", error)
+    monkeypatch.setattr(baselines, "trained", train)
+    monkeypatch.setattr(baselines, "roll_out_error", error)
     assert fit_baseline(name, data, rows) == {"penalty": 0.1}
     others = [1, 2, 3, 7, 8, 9]
     assert calls == [(1e-3, others), (1e-1, others), (10.0, others), (0.1, list(range(1, 10)))]
@@ -242,5 +242,5 @@ def test_the_penalty_is_chosen_by_the_middle_third(regressors, monkeypatch, name
 
 def test_without_scikit_learn(monkeypatch):
     monkeypatch.setitem(sys.modules, "sklearn", None)
-    with pytest.raises(TwinError, match=r"^baseline narx: needs scikit-learn\. Install it: .* or leave narx out\.$"):
+    with pytest.raises(TwinError, match=r"^baseline narx needs sklearn, .* pip install"):
         fit_baseline("narx", data_of(TWO, THREE), np.ones(7, bool))

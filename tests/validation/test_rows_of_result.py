@@ -12,7 +12,6 @@ from tests.validation.arrays import data_of
 from tests.validation.model import REST, Formula
 from twin.errors import ScenarioError, TwinError
 from twin.validation import runner
-from twin.validation.fitting import FittedSet
 from twin.validation.frozen import FrozenSet, frozen_path, frozen_text, read_frozen
 from twin.validation.model import Quantity
 from twin.validation.schema import ValidationKeys
@@ -245,7 +244,7 @@ def fitted_set(monkeypatch, **keys):
     own.reader = lambda training: SimpleNamespace(
         read=lambda _folder, names: data if training and names == ["a", "b"] else None
     )
-    fitted = FittedSet({"rest": 1.0}, {"rest": (0.9, 1.1)}, {"rest": "rad"})
+    fitted = {"rest": {"value": 1.0, "unit": "rad", "interval": [0.9, 1.1]}}
     steps = []
 
     def fit(_own, _data, rows, *, starts, seed, progress):

@@ -10,7 +10,7 @@ from tests.viewer.pages import Page, viewed
 from tests.viewer.test_following import CHANGE, LOST, followed
 from twin.follow import EstimateRecording, load
 from twin.follow.changes import Alarm
-from twin.follow.forecasting.forecast import Forecast
+from twin.follow.forecast import Forecast
 
 pytest.importorskip("nicegui")
 pytestmark = pytest.mark.slow

@@ -6,11 +6,10 @@ import sys
 
 from twin import CallablePackage
 from twin.follow.changes import Alarm
-from twin.follow.estimate_recording import EstimateRecording
+from twin.follow.estimate_recording import EstimateRecording, write_run
 from twin.follow.exporting import estimator, is_follow_file
-from twin.follow.follower import Estimate, Follower, follow, in_band, remarks, summary_of, write_run
-from twin.follow.following import Following
-from twin.follow.live import LiveFollowing
+from twin.follow.follower import Estimate, Follower, follow, in_band, remarks, summary_of
+from twin.follow.live import Following, LiveFollowing
 from twin.follow.live_problem import LiveProblem, has_rig, load_live
 from twin.follow.problem import FollowProblem, load
 from twin.follow.publishing import Publisher

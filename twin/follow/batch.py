@@ -18,8 +18,12 @@ import numpy as np
 
 from twin.coupling import (
     LOOP_FIELDS,
+    Access,
+    CoSimulation,
+    MemberVariable,
     MemoryRecorder,
     RecordMember,
+    Reference,
     StateTransfer,
     Transfer,
     find,
@@ -27,7 +31,7 @@ from twin.coupling import (
     published_copies,
 )
 from twin.errors import SimulationError
-from twin.follow.fmu_states import FmuRestarts, FmuStates, StateSlot, is_settable
+from twin.follow.fmu_states import FmuRestarts, FmuStates, StateSlot, access_row, is_settable
 from twin.follow.influence import shared_by_copies
 from twin.run import build_simulation
 from twin.scenario import Backend
@@ -36,10 +40,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from twin.coupling import Access, CoSimulation, MemberVariable, Reference
+    from twin.arrays import Array
     from twin.follow.problem import FollowProblem
-
-    Array = np.ndarray[Any, Any]
 
 NEVER = 1 << 62  # communication points between two rows: nothing is recorded
 LINE = 64  # size of a cache line [byte]: no two copies share one
@@ -161,16 +163,11 @@ class Batch:
         self._points = np.zeros((self.count, len(estimates)))
         self._outputs = np.zeros((self.count, len(outputs)))
         self._parameters = np.zeros((self.count, len(parameters)))
-        at = [self._table(estimates, self._points), self._table(parameters, self._parameters)]
         owners = {path.partition(".")[0]: None for path in estimates}
         corrected = [make.members[self._own(name, k)] for k in numbers for name in owners]
         continuous = [m for m in corrected if isinstance(m, RecordMember) and hasattr(type(m.component), "derivatives")]
-        copies = [(array, value, 1) for value, array in at[0]]
-        self._scatter = Transfer(make, self._build, copies, (), continuous, self._set_calls(estimates))
-        self._gather = Transfer(make, self._build, [(value, array, 1) for value, array in at[0]])
-        copies = [(array, value, 1) for value, array in at[1]]
-        self._put = Transfer(make, self._build, copies, accesses=self._set_calls(parameters))
-        self._take = Transfer(make, self._build, [(value, array, 1) for value, array in at[1]])
+        self._scatter, self._gather = self._transfers(estimates, self._points, continuous)
+        self._put, self._take = self._transfers(parameters, self._parameters)
         measured = [
             (published_address(make, r.key) + r.first * r.variable.dtype.itemsize, r.variable.dtype, array)
             for r, (_, array) in zip(self._references(outputs), self._table(outputs, self._outputs), strict=True)
@@ -183,6 +180,15 @@ class Batch:
         self._sharing: dict[tuple[range, int], tuple[Transfer, StateTransfer]] = {}
         self._branches: dict[tuple[int, tuple[int, ...]], tuple[Transfer, StateTransfer]] = {}
         self._take()
+
+    def _transfers(
+        self, paths: Sequence[str], array: Array, evaluated: Sequence[RecordMember] = ()
+    ) -> tuple[Transfer, Transfer]:
+        """Return the calls that set scalars of all copies from an array (count, n), and that read them into it."""
+        addresses, accesses = self._table(paths, array), self._set_calls(paths)
+        copies = [(element, value, 1) for value, element in addresses]
+        put = Transfer(self.simulation, self._build, copies, evaluated=evaluated, accesses=accesses)
+        return put, Transfer(self.simulation, self._build, [(*pair, 1) for pair in addresses])
 
     def _references(self, paths: Sequence[str]) -> list[Reference]:
         return [find(self._own(path, k), self.catalog) for k in range(self.count) for path in paths]
@@ -210,13 +216,9 @@ class Batch:
         keys = dict.fromkeys(keys_in_buffers)
         names, rows = list(self.simulation.members), []
         for name, variable in keys:
-            access = self.simulation.members[name].access([variable], write=True)
-            self._accesses.append(access)
-            references, values = access.references.ctypes.data, self._buffers[name, variable].ctypes.data
-            instance = self.simulation.members[name].instance
-            rows.append(
-                [access.function, instance, references, access.count, values, access.size_argument, names.index(name)]
-            )
+            member, values = self.simulation.members[name], self._buffers[name, variable]
+            self._accesses.append(member.access([variable], write=True))
+            rows.append(access_row(self._accesses[-1], member, values, names.index(name)))
         return rows
 
     def _record_member(self, name: str) -> RecordMember:

@@ -11,19 +11,17 @@ point of the cumulated log-likelihood ratio (Page, Biometrika 41, 1954; Willsky 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twin.follow.filters import Ensemble, substitute
+from twin.follow.filters import Ensemble, SquareRootFilter, Update, substitute
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from twin.arrays import Array
     from twin.follow.batch import Batch
-    from twin.follow.filters import SquareRootFilter, Update
-
-    Array = np.ndarray[Any, Any]
 
 NO_CHANGE, UNKNOWN = "no change", "none of these"
 UNKNOWN_NIS = 1.5  # of an unknown model, for each measured value

@@ -20,17 +20,17 @@ import yaml
 
 from twin import clock
 from twin.errors import SimulationError
-from twin.follow.follower import signals_of
+from twin.follow.follower import Estimate, remarks, summary_of
+from twin.follow.records import signals_of
 from twin.follow.status import FollowStatus
 from twin.process import process_identity
 from twin.results import Evaluation, Journal, RecordedVariable, Signals, column_to_dict, run_folder, stream
 from twin.scenario import Dumper, ScenarioSpec
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
-    from twin.follow.follower import Estimate
-    from twin.follow.forecasting.forecast import Forecast
+    from twin.follow.forecast import Forecast
     from twin.follow.problem import FollowProblem
 
 STATUS_PERIOD = 0.5  # between two versions of the status file [s]
@@ -55,13 +55,7 @@ class EstimateRecording:
     def __init__(self, problem: FollowProblem, root: Path) -> None:
         self.problem = problem
         self.folder = run_folder.make_run_folder(root, problem.path.stem)
-        self.info = run_folder.RunInfo(
-            problem.path.stem,
-            problem.title,
-            description=problem.keys.description,
-            path=str(problem.path),
-            step_ns=problem.experiment.case.step_ns,
-        )
+        self.info = run_info(problem)
         run_folder.write_text(self.folder / "scenario.yaml", model_text(problem.scenario))
         self.journal = Journal(self.folder)
         self.columns: list[RecordedVariable] = []
@@ -77,8 +71,7 @@ class EstimateRecording:
         if not estimates:
             return
         self.status.add(estimates)
-        case = self.problem.experiment.case
-        begin, step = clock.seconds(case.start_ns), clock.seconds(case.step_ns)
+        begin, step = self.problem.begin, self.problem.step
         ticks = np.rint((np.array([estimate.time for estimate in estimates]) - begin) / step).astype(np.int64)
         row = bisect_left(self._ticks, int(ticks[0]))
         before = begin + self._ticks[row - 1] * step if row else -inf
@@ -143,25 +136,66 @@ class EstimateRecording:
     def finish(self, last: Estimate, status: str, reason: str, wall_time: float, extra: dict[str, Any]) -> Path:
         """Write signals.parquet and summary.json, and remove the recording; return the folder. `last`: the last estimate."""
         os.close(self._file)
-        self.status.write(self.folder)
-        case = self.problem.experiment.case
         complete = status != "failed"
         signals = stream.read_case_signals(self.journal.folder, 0, self.journal.layout, complete)
-        with run_folder.SignalFile(self.folder / "signals.parquet", self.columns, {"scenario": self.info.name}) as file:
-            for part in signals.parts():
-                file.write(case.variant, case.seed, part)
-        info = replace(
-            self.info,
-            status=status,
-            reason=reason,
-            wall_time=wall_time,
-            simulated_time=last.time - clock.seconds(case.start_ns),
-            extra=extra,
-        )
-        tables: dict[tuple[str, int], Signals] = {(case.variant, case.seed): signals}
-        run_folder.write_summary(self.folder / "summary.json", run_folder.build_summary(info, Evaluation(), tables))
+        info = replace(self.info, status=status, reason=reason, wall_time=wall_time, extra=extra)
+        write_files(self.folder, info, self.status, last, self.columns, signals, signals.parts())
         self.journal.remove()
         return self.folder
+
+
+def run_info(problem: FollowProblem) -> run_folder.RunInfo:
+    """Return the description of a run that follows."""
+    return run_folder.RunInfo(
+        problem.path.stem,
+        problem.title,
+        description=problem.keys.description,
+        path=str(problem.path),
+        step_ns=problem.experiment.case.step_ns,
+    )
+
+
+def write_files(
+    folder: Path,
+    info: run_folder.RunInfo,
+    status: FollowStatus,
+    last: Estimate,
+    columns: list[RecordedVariable],
+    signals: Signals,
+    parts: Iterable[Signals],
+) -> None:
+    """Write signals.parquet, in parts, summary.json and the status at the end. `last`: the last estimate."""
+    case = status.problem.experiment.case
+    status.write(folder)
+    with run_folder.SignalFile(folder / "signals.parquet", columns, {"scenario": info.name}) as file:
+        for part in parts:
+            file.write(case.variant, case.seed, part)
+    info = replace(info, simulated_time=last.time - status.problem.begin)
+    summary = run_folder.build_summary(info, Evaluation(), {(case.variant, case.seed): signals})
+    run_folder.write_summary(folder / "summary.json", summary)
+
+
+def write_run(
+    problem: FollowProblem,
+    estimates: Sequence[Estimate],
+    root: Path,
+    wall_time: float,
+    failure: str = "",
+    status: str = "",
+) -> Path:
+    """Write the estimates as the folder of a run, which `twin view` opens; return it.
+
+    `failure`: why following ended early, with `status` interrupted or failed.
+    """
+    signals, columns = signals_of(problem, estimates)
+    extra = {"notes": [*problem.notes, *remarks(problem, estimates)], "follow": summary_of(problem, estimates)}
+    info = replace(run_info(problem), status=status or "completed", reason=failure, wall_time=wall_time, extra=extra)
+    folder = run_folder.make_run_folder(root, problem.path.stem)
+    run_folder.write_text(folder / "scenario.yaml", problem.scenario.frozen())
+    at_end = FollowStatus(problem)
+    at_end.add(estimates)
+    write_files(folder, info, at_end, estimates[-1], columns, signals, [signals])
+    return folder
 
 
 def judge(estimate: Estimate) -> int:

@@ -153,7 +153,7 @@ class Unscented(SquareRootFilter):
 class Extended(SquareRootFilter):
     """Square-root extended Kalman filter: n + 1 points, the estimate and the estimate plus each column of the square root.
 
-    The model moves the first point, and its tangents the differences to it (`filtering.TangentBatch`). Anderson and Moore,
+    The model moves the first point, and its tangents the differences to it (`tangents.TangentBatch`). Anderson and Moore,
     Optimal Filtering, 1979, chapter 8.
     """
 

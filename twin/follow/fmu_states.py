@@ -9,7 +9,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from twin import clock
-from twin.coupling import RecordMember, StateTransfer, Transfer, integrated_with, shared_state, verify_copy
+from twin.coupling import (
+    Access,
+    CoSimulation,
+    MemberVariable,
+    RecordMember,
+    StateTransfer,
+    Transfer,
+    integrated_with,
+    shared_state,
+    verify_copy,
+)
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -17,8 +27,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     import numpy as np
-
-    from twin.coupling import Access, CoSimulation, MemberVariable
 
     Buffers = Mapping[tuple[str, str], np.ndarray[Any, Any]]  # by member and variable
 
@@ -102,10 +110,8 @@ class FmuRestarts:
             for variable, values in self._values[name].items():
                 if is_settable(member.variables[variable]):
                     continue  # it keeps the value that was set
-                access = member.access([variable], write=False)
-                self._accesses.append(access)
-                row = [access.function, member.instance, access.references.ctypes.data, access.count]
-                reads.append([*row, values.ctypes.data, access.size_argument, numbers[name]])
+                self._accesses.append(member.access([variable], write=False))
+                reads.append(access_row(self._accesses[-1], member, values, numbers[name]))
         published = [
             row for name in names if simulation.plan.is_read_directly(name) for row in simulation.plan.gets[name]
         ]
@@ -121,6 +127,12 @@ class FmuRestarts:
             assert isinstance(member, FMUMember)
             restart(member, clock.seconds(self.simulation.time), self._values[name])
         self._publish()
+
+
+def access_row(access: Access, member: Any, values: np.ndarray[Any, Any], number: int) -> list[int]:
+    """Return the row of the loop that gets or sets variables of a member, with its number; they lie in `values`."""
+    references, address = access.references.ctypes.data, values.ctypes.data
+    return [access.function, member.instance, references, access.count, address, access.size_argument, number]
 
 
 def is_settable(variable: MemberVariable) -> bool:

@@ -7,29 +7,20 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 
-from twin import clock
+from twin.arrays import Array
 from twin.errors import SimulationError
 from twin.follow.batch import Batch, SavedBatch
 from twin.follow.changes import Alarm, ChangeBank
-from twin.follow.filtering.smoother import FixedLagSmoother, SmoothedEstimate
-from twin.follow.filtering.tangent_batch import TangentBatch
 from twin.follow.filters import Ensemble, Extended, SquareRootFilter, Unscented
-from twin.follow.forecasting.forecast import Forecast, Forecaster
-from twin.follow.forecasting.past_errors import PastErrors, widened
-from twin.follow.problem import EstimatedVariable, times_of
-from twin.follow.records import change_signals, forecast_signals, path_of, smoothed_signals
-from twin.follow.status import REPRESENTED, FollowStatus
-from twin.results import Evaluation, RecordedVariable, Signals, run_folder
-
-if TYPE_CHECKING:
-    from twin.follow.problem import FollowProblem
-    from twin.identify import Output
-
-    Array = np.ndarray[Any, Any]
+from twin.follow.forecast import Forecast, Forecaster, PastErrors, widened
+from twin.follow.problem import FollowProblem, times_of
+from twin.follow.smoother import FixedLagSmoother, SmoothedEstimate
+from twin.follow.status import REPRESENTED
+from twin.follow.tangents import TangentBatch
 
 CONFIDENCE = 0.95  # of the band of NIS
 SQUARE_ROOT = {"unscented": Unscented, "extended": Extended}
@@ -100,8 +91,7 @@ class Follower:
         self.smoother, self._past = self._new_smoother(), np.zeros((self.filter.count, len(mean)))
         self._noise = np.array([output.noise or 0.0 for output in problem.outputs])
         self._bands = [nis_band(count) for count in range(len(problem.outputs) + 1)]
-        case = problem.experiment.case
-        self._step, self._begin = clock.seconds(case.step_ns), clock.seconds(case.start_ns)
+        self._step, self._begin = problem.step, problem.begin
         self.tick = 0
         self.bank = ChangeBank(problem.changes, self.filter, len(problem.outputs)) if problem.changes else None
         parameters, models = (self.bank.parameters, self.bank.count) if self.bank else ((), 0)
@@ -277,97 +267,6 @@ def remarks(problem: FollowProblem, estimates: Sequence[Estimate]) -> list[str]:
             f"The standard deviations are {advice}"
         )
     return lines
-
-
-def signals_of(
-    problem: FollowProblem,
-    estimates: Sequence[Estimate],
-    forecasts: Sequence[Forecast] | None = None,
-    before: float = -inf,
-) -> tuple[Signals, list[RecordedVariable]]:
-    """Return the estimates as signals of a run: `estimate.member.variable` and so on.
-
-    `forecasts`: those that may end among the estimates, by default those made with them; `before`: time before the first one [s].
-    """
-    columns: list[RecordedVariable] = []
-    values: dict[str, Array] = {}
-
-    def add(group: str, variables: Sequence[EstimatedVariable | Output], table: Array, text: str) -> None:
-        for i, variable in enumerate(variables):
-            name = variable.name if isinstance(variable, EstimatedVariable) else variable.signal
-            path = path_of(group, name)
-            columns.append(
-                RecordedVariable(path, unit=variable.unit, display_unit=variable.display_unit, description=text)
-            )
-            values[path] = np.ascontiguousarray(table[:, i])
-
-    for group, field, text in (
-        ("estimate", "values", "estimate"),
-        ("deviation", "deviations", "standard deviation of the estimate"),
-    ):
-        add(group, problem.estimates, np.array([getattr(estimate, field) for estimate in estimates]), text)
-    for group, field, text in (
-        ("measured", "measured", "measured, offset subtracted"),
-        ("predicted", "predicted", "predicted before the measurement"),
-        ("innovation", "innovation", "measured minus predicted"),
-        ("expected", "expected", "standard deviation of the innovation"),
-    ):
-        add(group, problem.outputs, np.array([getattr(estimate, field) for estimate in estimates]), text)
-    nis = {"value": [estimate.nis for estimate in estimates]}
-    nis |= {name: [estimate.band[i] for estimate in estimates] for i, name in enumerate(("low", "high"))}
-    for name, column in nis.items():
-        values[f"nis.{name}"] = np.array(column)
-        columns.append(RecordedVariable(f"nis.{name}", description="normalized innovation squared, and its 95 % band"))
-    if forecasts is None:
-        forecasts = [estimate.forecast for estimate in estimates if estimate.forecast]
-    time = np.array([estimate.time for estimate in estimates])
-    made = (
-        *smoothed_signals(problem, estimates),
-        *change_signals(problem, estimates),
-        *forecast_signals(problem, time, forecasts, before),
-    )
-    for variable, table in made:
-        values[variable.name] = np.ascontiguousarray(table)
-        columns.append(variable)
-    return Signals(time, values, {column.name: column.unit for column in columns}), columns
-
-
-def write_run(
-    problem: FollowProblem,
-    estimates: Sequence[Estimate],
-    root: Path,
-    wall_time: float,
-    failure: str = "",
-    status: str = "",
-) -> Path:
-    """Write the estimates as the folder of a run, which `twin view` opens; return it.
-
-    `failure`: why following ended early, with `status` interrupted or failed.
-    """
-    signals, columns = signals_of(problem, estimates)
-    variant, seed = problem.experiment.case.variant, problem.experiment.case.seed
-    info = run_folder.RunInfo(
-        problem.path.stem,
-        problem.title,
-        description=problem.keys.description,
-        path=str(problem.path),
-        status=status or "completed",
-        reason=failure,
-        wall_time=wall_time,
-        simulated_time=float(signals.time[-1]) - clock.seconds(problem.experiment.case.start_ns),
-        step_ns=problem.experiment.case.step_ns,
-        extra={"notes": [*problem.notes, *remarks(problem, estimates)], "follow": summary_of(problem, estimates)},
-    )
-    folder = run_folder.make_run_folder(root, problem.path.stem)
-    run_folder.write_text(folder / "scenario.yaml", problem.scenario.frozen())
-    with run_folder.SignalFile(folder / "signals.parquet", columns, {"scenario": problem.path.stem}) as file:
-        file.write(variant, seed, signals)
-    summary = run_folder.build_summary(info, Evaluation(), {(variant, seed): signals})
-    run_folder.write_summary(folder / "summary.json", summary)
-    at_end = FollowStatus(problem)
-    at_end.add(estimates)
-    at_end.write(folder)
-    return folder
 
 
 def summary_of(problem: FollowProblem, estimates: Sequence[Estimate]) -> dict[str, Any]:

@@ -8,15 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.compiler import dependencies
-from twin.component import catalog
-from twin.scenario import members
+from twin.component import Component, catalog
+from twin.scenario import Case, MemberSpec, members
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from twin.component import Component
+    from twin.fmi import FMUMember
     from twin.follow.problem import FollowProblem
-    from twin.scenario import Case, MemberSpec
 
 
 def shared_members(case: Case, corrected: Iterable[str], measured: Iterable[str], interval: float) -> frozenset[str]:
@@ -60,9 +59,14 @@ def is_continuous(name: str, spec: MemberSpec) -> bool:
     """Return whether a member is an FMU for Model Exchange, integrated together with others of this kind."""
     if not spec.component.endswith(".fmu") or spec.isolate:
         return False
+    return closed_fmu(name, spec).continuous
+
+
+def closed_fmu(name: str, spec: MemberSpec) -> FMUMember:
+    """Return a member that is an FMU, closed: what its description tells."""
     member = members.imported(name, Path(spec.component), {}, spec.exchange, spec.names)
     member.close()
-    return member.continuous
+    return member
 
 
 def period(spec: MemberSpec, step: int) -> int:

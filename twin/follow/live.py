@@ -1,35 +1,29 @@
-"""Following of a rig while it runs: messages become measurements and inputs at their time of the model, and estimates."""
+"""Following of a rig while it runs, and from Python: messages become measurements and inputs at their time of the model, and estimates."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import Any, Self
 
 from twin import clock
 from twin.errors import SimulationError
-from twin.follow.follower import Follower
-from twin.follow.revision import RevisableFollower
+from twin.follow.follower import Estimate, Follower, follow
+from twin.follow.live_problem import LiveProblem, LiveSignal, has_rig, load_live
+from twin.follow.problem import FollowProblem, load
+from twin.follow.records import signals_of
 from twin.follow.sensor_clock import RigClock
 from twin.follow.signal_checks import Notes, SignalChecks
-from twin.follow.sources import Inbox, now, open_source
-from twin.follow.timeline import Timeline
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from twin.follow.follower import Estimate
-    from twin.follow.live_problem import LiveProblem, LiveSignal
-    from twin.follow.sources import Message
+from twin.follow.sources import Inbox, Message, now, open_source
+from twin.follow.timeline import RevisableFollower, Timeline
+from twin.installed import import_optional
+from twin.run import noop
 
 POLL = 0.01  # longest wait for a message [s]: a step that waits for a source is that much late
 EARLY = 1000  # messages that are kept until all inputs have a value
-
-
-def noop(_line: str) -> None:
-    """No-op callback."""
 
 
 @dataclass
@@ -102,7 +96,8 @@ class MessageFollower:
             text = f"{message.source}: its clock has jumped by {jump:+.3f} s."
             self.notes.report_again(f"jump {message.source}")
             self.notes.report(f"jump {message.source}", f"{text} The model goes on with a new offset.", rig.on_jump)
-        if outlier := self.clock.take_outlier(message.source):
+        own = self.clock.clocks.get(message.source)
+        if message.stamp is not None and own is not None and (outlier := own.outlier):
             limit = clock.seconds(rig.max_delay)
             text = f"a message came {outlier:.3g} s late, or its stamp is wrong; max_delay is {limit:g} s: left out."
             self.notes.report(f"outside {message.source}", f"{message.source}: {text}")
@@ -212,26 +207,20 @@ class MessageFollower:
         }
 
 
-@dataclass
 class LiveFollowing:
     """Estimates of a rig, until the iteration is left. After late measurements the estimates since then come again.
 
     `show`: gets a line for each event. SimulationError if the model fails, or as the rig's file says.
     """
 
-    problem: LiveProblem
-    build: Path = Path("build")
-    show: Callable[[str], object] = noop
-    messages: MessageFollower = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.messages = MessageFollower(self.problem, self.build, Notes(self.show))
+    def __init__(self, problem: LiveProblem, build: Path = Path("build"), show: Callable[[str], object] = noop) -> None:
+        self.problem, self.build = problem, build
+        self.messages = MessageFollower(problem, build, Notes(show))
 
     def revisions(self) -> Iterator[list[Estimate]]:
         """Yield lists of estimates, empty ones while nothing arrives: each list replaces all estimates since its first one."""
         self._prepare()
-        folder = Path()
-        sources = {name: open_source(name, keys, folder) for name, keys in self.problem.rig.sources.items()}
+        sources = {name: open_source(name, keys) for name, keys in self.problem.rig.sources.items()}
         with Inbox(sources) as inbox, self.messages as messages:
             while True:
                 for message in inbox.take(POLL):
@@ -250,3 +239,51 @@ class LiveFollowing:
                     follower.forecast()
         except SimulationError as error:
             raise SimulationError(f"{self.problem.path}: {error}") from error
+
+
+class Following:
+    """Estimates of a follow file's recording or rig, one after the other while the iteration goes on.
+
+    `rig`: address of JSON messages such as udp://127.0.0.1:4710, mqtt:// or zenoh://127.0.0.1/rig, or a file of sources; a rig has no end: leave the loop.
+    After late measurements the estimates since then come again; `estimates` has the latest ones in the order of time.
+    """
+
+    def __init__(
+        self,
+        file: str | Path,
+        recording: str | Path | None = None,
+        rig: str | Path | None = None,
+        build: str | Path = "build",
+    ) -> None:
+        self.build = Path(build)
+        self.estimates: list[Estimate] = []
+        is_live = rig is not None or (recording is None and has_rig(file))
+        self.problem: FollowProblem | LiveProblem = load_live(file, rig) if is_live else load(file, recording)
+
+    def __iter__(self) -> Iterator[Estimate]:
+        self.estimates = []
+        for estimates in self._revisions():
+            while self.estimates and estimates and self.estimates[-1].time >= estimates[0].time:
+                self.estimates.pop()
+            for estimate in estimates:
+                self.estimates.append(estimate)
+                yield estimate
+
+    def _revisions(self) -> Iterator[list[Estimate]]:
+        if isinstance(self.problem, LiveProblem):
+            yield from LiveFollowing(self.problem, self.build).revisions()
+        else:
+            for estimate in follow(self.problem, self.build):
+                yield [estimate]
+
+    def to_xarray(self) -> Any:
+        """Return a Dataset over time [s] of all estimates so far, with the signals and units of a run of `twin follow`."""
+        xarray = import_optional("xarray", "python", "a Dataset")
+        if not self.estimates:
+            raise SimulationError("there is no estimate yet. Iterate first: for estimate in twin.follow(...).")
+        signals, columns = signals_of(self.problem, self.estimates)
+        arrays = {
+            column.name: ("time", signals.values[column.name], {"units": column.unit, "long_name": column.description})
+            for column in columns
+        }
+        return xarray.Dataset(arrays, {"time": ("time", signals.time, {"units": "s"})})

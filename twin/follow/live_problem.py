@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from twin import clock
+from twin.arrays import Array
 from twin.component import unit
 from twin.errors import CouplingError
 from twin.files import split_unit
 from twin.follow.problem import FollowLoader, FollowProblem, check_model
-from twin.follow.rig_keys import RigKeys
+from twin.follow.schema import RigKeys
 from twin.identify import Column, InputKeys, Output, RecordedExperiment, RecordedFile, Unknown, replay
 from twin.scenario import Case, Node, read
-
-if TYPE_CHECKING:
-    Array = np.ndarray[Any, Any]
 
 IDLE = 1.0  # longest simulated time between two estimates, also while nothing is measured [s]
 
@@ -38,9 +36,12 @@ class LiveSignal:
     offset: float = 0.0
     delay: float = 0.0
 
-    def converted(self, value: float, sent_unit: str) -> float:
-        """Return the variable's value; CouplingError if the unit that the source sends does not convert."""
-        factor, offset = unit.conversion(sent_unit or self.unit, self.variable_unit or "1", self.name)
+    def converted(self, value: float, sent_unit: str) -> float | str:
+        """Return the variable's value, or why the unit that the source sends does not convert."""
+        try:
+            factor, offset = unit.conversion(sent_unit or self.unit, self.variable_unit or "1", self.name)
+        except CouplingError:
+            return f"arrives in {sent_unit}, {self.variable} is in {self.variable_unit or 'no unit'}"
         return self.factor * (value * factor + offset) + self.offset
 
 
@@ -158,12 +159,3 @@ class LiveLoader(FollowLoader):
             for name, source in self.keys.rig.sources.items()
         }
         return self.keys.rig.model_copy(update={"sources": sources})
-
-
-def conversion_problem(signal: LiveSignal, sent_unit: str) -> str:
-    """Return why values in a unit cannot be used for a signal; empty if they can."""
-    try:
-        signal.converted(0.0, sent_unit)
-    except CouplingError:
-        return f"arrives in {sent_unit}, {signal.variable} is in {signal.variable_unit or 'no unit'}"
-    return ""

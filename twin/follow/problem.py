@@ -10,19 +10,18 @@ from typing import Any, ClassVar
 import numpy as np
 
 from twin import clock
-from twin.component import PythonComponent, catalog
-from twin.coupling import Member, MemberVariable, find
+from twin.component import PythonComponent
+from twin.coupling import MemberVariable, find
 from twin.fmi import continuous_states, restart_problem
-from twin.follow.change_reader import read_changes
 from twin.follow.changes import Change
-from twin.follow.filtering.tangent_model import tangent_problem
 from twin.follow.fmu_states import is_settable
-from twin.follow.forecasting.forecast import ForecastSettings
-from twin.follow.forecasting.reader import read_forecast
-from twin.follow.influence import uncorrected_inputs
+from twin.follow.forecast import ForecastSettings
+from twin.follow.influence import closed_fmu, component_of, uncorrected_inputs
+from twin.follow.readers import read_changes, read_forecast
 from twin.follow.schema import EstimateKeys, FollowKeys
+from twin.follow.tangents import tangent_problem
 from twin.identify import IdentifyKeys, Loader, Output, RecordedExperiment
-from twin.scenario import MemberSpec, Node, ScenarioSpec, members, read
+from twin.scenario import MemberSpec, Node, ScenarioSpec, read
 
 JUMP = 1000.0  # typical distances between the times of a column: a longer one is a jump of the clock
 
@@ -64,6 +63,16 @@ class FollowProblem:
     def longest_interval(self) -> float:
         """Longest time without a measurement [communication steps]; infinite without a recording."""
         return float(max(np.diff([0, *times_of(self)]), default=np.inf))
+
+    @property
+    def begin(self) -> float:
+        """Start of the model [s]."""
+        return clock.seconds(self.experiment.case.start_ns)
+
+    @property
+    def step(self) -> float:
+        """Communication step [s]."""
+        return clock.seconds(self.experiment.case.step_ns)
 
     @property
     def title(self) -> str:
@@ -175,9 +184,7 @@ class FollowLoader(Loader):
         if is_settable(variable):
             return ""
         owner = name.partition(".")[0]
-        spec = self.full_case.members[owner]
-        member = members.imported(owner, Path(spec.component), {}, spec.exchange, spec.names)
-        member.close()
+        member = closed_fmu(owner, self.full_case.members[owner])
         if member.continuous and variable.name in continuous_states(member):
             return ""
         if variable.initial not in ("exact", "approx"):
@@ -274,12 +281,10 @@ def state_problem(name: str, spec: MemberSpec) -> str:
     if spec.isolate:
         return "runs in a process of its own: leave out `isolate`"
     if spec.component.endswith(".fmu"):
-        member: Member = members.imported(name, Path(spec.component), {}, spec.exchange, spec.names)
-        member.close()
-        return member.state_copy_problem()
+        return closed_fmu(name, spec).state_copy_problem()
     if spec.exchange.is_specified:
         return "is followed as compiled code: leave out `interface` and what belongs to it"
-    component = spec.made or catalog.component(spec.component)
+    component = component_of(spec)
     has_state = not issubclass(component, PythonComponent) or component.state_is_record
     return "" if has_state else "cannot save its state: it is Python-side"
 
@@ -290,12 +295,10 @@ def times_of(problem: FollowProblem) -> dict[int, dict[int, float]]:
     The delay of a signal is subtracted: a value belongs to the time at which it was measured. Values at the start of the
     model are left out, since nothing has been predicted there.
     """
-    case = problem.experiment.case
-    step, begin = clock.seconds(case.step_ns), clock.seconds(case.start_ns)
     steps: dict[int, dict[int, float]] = {}
     for number, output in enumerate(problem.outputs):
         offset = float(output.offset)
-        ticks = np.rint((output.time - float(output.delay) - begin) / step).astype(int)
+        ticks = np.rint((output.time - float(output.delay) - problem.begin) / problem.step).astype(int)
         for tick, value in zip(ticks.tolist(), output.values.tolist(), strict=True):
             if tick > 0:
                 steps.setdefault(tick, {})[number] = value - offset

@@ -5,34 +5,21 @@ from __future__ import annotations
 import json
 import socket
 import time
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin import clock
 from twin.errors import SimulationError, TwinError
-from twin.follow.rig_keys import address, scheme_of, topic_address
-from twin.run import apply_event
+from twin.follow.schema import address, scheme_of, topic_address
+from twin.follow.sources.topics import Report, Sender, connect
+from twin.run import Progress, apply_event
 
 if TYPE_CHECKING:
     from twin.coupling import CoSimulation, MemberVariable
-    from twin.run import Progress
     from twin.scenario import Case
 
 UNITS_EVERY = 1.0  # units are sent this often, for receivers that start later [s]
-
-
-class Sender(Protocol):
-    """Sender of messages up to a size of `largest` [byte]. `problems`: lines about its connection."""
-
-    largest: int
-    problems: list[str]
-
-    def send(self, data: bytes) -> None:
-        """Send a message; SimulationError if that is impossible."""
-
-    def close(self) -> None:
-        """End it."""
 
 
 class UdpSender:
@@ -42,7 +29,6 @@ class UdpSender:
 
     def __init__(self, host: str, port: int) -> None:
         self.address = host, port
-        self.problems: list[str] = []
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 
     def send(self, data: bytes) -> None:
@@ -61,8 +47,11 @@ class UdpSender:
         self.socket.close()
 
 
-def open_sender(target: str) -> Sender:
-    """Open the sender to `udp://HOST:PORT`, `mqtt://BROKER:PORT/TOPIC` or `zenoh://ROUTER:PORT/TOPIC`; TwinError if that is impossible."""
+def open_sender(target: str, report: Report) -> Sender:
+    """Open the sender to `udp://HOST:PORT`, `mqtt://BROKER:PORT/TOPIC` or `zenoh://ROUTER:PORT/TOPIC`; TwinError if that is impossible.
+
+    `report`: gets lines about its connection.
+    """
     try:
         if not (scheme := scheme_of(target)):
             return UdpSender(*address(target))
@@ -71,19 +60,18 @@ def open_sender(target: str) -> Sender:
         raise TwinError(f"--publish: {error}.") from None
     if set(topic.topic) & set(wildcards := "+#" if scheme == "mqtt" else "*$"):
         raise TwinError(f"--publish: expected a topic without {' and '.join(wildcards)}, not {topic.topic}.")
-    from twin.follow.sources.topics import TopicSender
-
-    return TopicSender(topic)
+    return connect("--publish", topic, report)
 
 
 class Publisher:
-    """Runner of cases at the pace of the wall clock that sends recorded numbers after each recorded step.
+    """Runner of cases at the pace of the wall clock that sends recorded numbers after each recorded step. `problems`: lines about its connection.
 
     A message is `{"time": 1.25, "sheath.tip_position": 0.0031, ...}`; once a second it has `units`, too. `time`: of the case [s].
     """
 
     def __init__(self, target: str) -> None:
-        self.sender = open_sender(target)
+        self.problems: list[str] = []
+        self.sender = open_sender(target, self.problems.append)
 
     def run_case(self, case: Case, cosimulation: CoSimulation, progress: Progress) -> None:
         """Run a case with its events from its start to its stop; SimulationError if the signals cannot be sent."""
@@ -97,8 +85,8 @@ class Publisher:
             while events and events[0].time_ns <= cosimulation.time:
                 apply_event(events.pop(0), case, cosimulation, catalog)
             self._send(now, recorded, cosimulation, with_units=now >= units_due)
-            while self.sender.problems:
-                if (line := f"--publish: {self.sender.problems.pop()}") not in cosimulation.notes:
+            while self.problems:
+                if (line := f"--publish: {self.problems.pop()}") not in cosimulation.notes:
                     cosimulation.notes.append(line)
             units_due += UNITS_EVERY * (now >= units_due)
             progress(case.name, (now - start) / duration)

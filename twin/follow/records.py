@@ -1,22 +1,26 @@
-"""Signals of smoothed estimates, changes and forecasts for the recording of a followed run."""
+"""Signals of estimates, changes and forecasts for the recording of a followed run."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from math import inf
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twin.coupling import find
+from twin.coupling import MemberVariable, find
 from twin.follow.changes import NO_CHANGE, UNKNOWN
-from twin.results import RecordedVariable
+from twin.results import RecordedVariable, Signals
 
 if TYPE_CHECKING:
+    from twin.arrays import Array
     from twin.follow.follower import Estimate
-    from twin.follow.forecasting.forecast import Forecast
-    from twin.follow.problem import FollowProblem
+    from twin.follow.forecast import Forecast
+    from twin.follow.problem import EstimatedVariable, FollowProblem
+    from twin.identify import Output
 
-    Array = np.ndarray[Any, Any]
+    RecordedSignals = Iterator[tuple[RecordedVariable, Array]]
+    Variables = list[tuple[str, EstimatedVariable | Output]]  # with their names
 
 ENDS = ("low", "median", "high")
 ROUNDING = 1e-9  # of times [s]
@@ -27,7 +31,57 @@ def path_of(*names: str) -> str:
     return ".".join(names).replace("[", "_").replace("]", "").replace(" ", "_")
 
 
-def change_signals(problem: FollowProblem, estimates: Sequence[Estimate]) -> Iterator[tuple[RecordedVariable, Array]]:
+def signals_of(
+    problem: FollowProblem,
+    estimates: Sequence[Estimate],
+    forecasts: Sequence[Forecast] | None = None,
+    before: float = -inf,
+) -> tuple[Signals, list[RecordedVariable]]:
+    """Return the estimates as signals of a run: `estimate.member.variable` and so on.
+
+    `forecasts`: those that may end among the estimates, by default those made with them; `before`: time before the first one [s].
+    """
+    if forecasts is None:
+        forecasts = [estimate.forecast for estimate in estimates if estimate.forecast]
+    time = np.array([estimate.time for estimate in estimates])
+    made = dict(
+        (
+            *estimate_signals(problem, estimates),
+            *smoothed_signals(problem, estimates),
+            *change_signals(problem, estimates),
+            *forecast_signals(problem, time, forecasts, before),
+        )
+    )
+    values = {variable.name: np.ascontiguousarray(table) for variable, table in made.items()}
+    return Signals(time, values, {variable.name: variable.unit for variable in made}), list(made)
+
+
+def recorded(path: str, variable: EstimatedVariable | Output | MemberVariable, text: str) -> RecordedVariable:
+    """Return the signal that belongs to a variable, in its unit."""
+    return RecordedVariable(path, unit=variable.unit, display_unit=variable.display_unit, description=text)
+
+
+def estimate_signals(problem: FollowProblem, estimates: Sequence[Estimate]) -> RecordedSignals:
+    """Yield estimates, measured and predicted signals, innovations and NIS."""
+    estimated: Variables = [(variable.name, variable) for variable in problem.estimates]
+    measured: Variables = [(output.signal, output) for output in problem.outputs]
+    for group, field, variables, text in (
+        ("estimate", "values", estimated, "estimate"),
+        ("deviation", "deviations", estimated, "standard deviation of the estimate"),
+        ("measured", "measured", measured, "measured, offset subtracted"),
+        ("predicted", "predicted", measured, "predicted before the measurement"),
+        ("innovation", "innovation", measured, "measured minus predicted"),
+        ("expected", "expected", measured, "standard deviation of the innovation"),
+    ):
+        table = np.array([getattr(estimate, field) for estimate in estimates])
+        for i, (name, variable) in enumerate(variables):
+            yield recorded(path_of(group, name), variable, text), table[:, i]
+    nis = np.array([(estimate.nis, *estimate.band) for estimate in estimates])
+    for name, values in zip(("value", "low", "high"), nis.T, strict=True):
+        yield RecordedVariable(f"nis.{name}", description="normalized innovation squared, and its 95 % band"), values
+
+
+def change_signals(problem: FollowProblem, estimates: Sequence[Estimate]) -> RecordedSignals:
     """Yield the probability of each change over time."""
     table = np.array([estimate.changes for estimate in estimates if estimate.changes is not None])
     if problem.changes and len(table):
@@ -35,36 +89,26 @@ def change_signals(problem: FollowProblem, estimates: Sequence[Estimate]) -> Ite
             yield RecordedVariable(path_of("change", name), description="probability of the change"), table[:, i]
 
 
-def smoothed_signals(problem: FollowProblem, estimates: Sequence[Estimate]) -> Iterator[tuple[RecordedVariable, Array]]:
+def smoothed_signals(problem: FollowProblem, estimates: Sequence[Estimate]) -> RecordedSignals:
     """Yield the smoothed estimates, their standard deviations and their times; NaN at times without one."""
     if not problem.lag:
         return
     nothing = np.full(len(problem.estimates), np.nan)
     smoothed = [estimate.smoothed for estimate in estimates]
-    tables = {
-        "smoothed": (
-            np.array([estimate.values if estimate else nothing for estimate in smoothed]),
-            "estimate one lag before",
-        ),
-        "smoothed_deviation": (
-            np.array([estimate.deviations if estimate else nothing for estimate in smoothed]),
-            "standard deviation of the estimate one lag before",
-        ),
-    }
     times = np.array([estimate.time if estimate else np.nan for estimate in smoothed])
     yield RecordedVariable("smoothed.time", unit="s", description="time of the estimates one lag before"), times
-    for group, (table, text) in tables.items():
+    for group, field, text in (
+        ("smoothed", "values", "estimate one lag before"),
+        ("smoothed_deviation", "deviations", "standard deviation of the estimate one lag before"),
+    ):
+        table = np.array([getattr(estimate, field) if estimate else nothing for estimate in smoothed])
         for i, variable in enumerate(problem.estimates):
-            path = path_of(group, variable.name)
-            yield (
-                RecordedVariable(path, unit=variable.unit, display_unit=variable.display_unit, description=text),
-                table[:, i],
-            )
+            yield recorded(path_of(group, variable.name), variable, text), table[:, i]
 
 
 def forecast_signals(
     problem: FollowProblem, time: Array, forecasts: Sequence[Forecast], before: float
-) -> Iterator[tuple[RecordedVariable, Array]]:
+) -> RecordedSignals:
     """Yield the bands that were forecast for each time one horizon before, and the chances to leave the limits after it.
 
     A band stands at the first time, (n,), at or after the one that it is for. `before`: time before the first one. NaN at
@@ -83,15 +127,7 @@ def forecast_signals(
                 bands[:, end] = forecast.bands[:, -1, i]
         for name, values in zip(ENDS, bands, strict=True):
             text = f"forecast one horizon before: {name} of the 90 % band"
-            yield (
-                RecordedVariable(
-                    path_of("forecast", signal, name),
-                    unit=variable.unit,
-                    display_unit=variable.display_unit,
-                    description=text,
-                ),
-                values,
-            )
+            yield recorded(path_of("forecast", signal, name), variable, text), values
         if signal in problem.forecast.limits:
             text = "chance to leave the limits in the time of the forecast"
             yield RecordedVariable(path_of("forecast", signal, "chance"), description=text), chance

@@ -16,7 +16,7 @@ import numpy as np
 from twin import clock
 
 if TYPE_CHECKING:
-    from twin.follow.rig_keys import RigKeys
+    from twin.follow.schema import RigKeys
 
 BUCKET = 1.0  # of each second the message with the least delay counts [s]
 WINDOW = 60  # buckets from which offset and drift follow
@@ -51,7 +51,7 @@ class SensorClock:
 
         `was_lost`: the source was silent before, so that its clock may have begun anew.
         """
-        difference = arrival - stamp
+        self.outlier, difference = 0.0, arrival - stamp
         if not self._points:
             self._restart(stamp, difference)
             return 0.0
@@ -138,14 +138,6 @@ class RigClock:
         if jump and source == self.reference and self.origin is not None:
             self.origin += jump
         return jump
-
-    def take_outlier(self, source: str) -> float:
-        """Return `SensorClock.outlier` of a source, once."""
-        sensor_clock = self.clocks.get(source)
-        if sensor_clock is None:
-            return 0.0
-        outlier, sensor_clock.outlier = sensor_clock.outlier, 0.0
-        return outlier
 
     def time(self, source: str, stamp: float) -> float:
         """Return the time of the model at a stamp [s]."""

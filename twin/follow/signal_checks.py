@@ -7,14 +7,13 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from twin.errors import CouplingError, SimulationError, nearest
-from twin.follow.live_problem import conversion_problem
+from twin.errors import SimulationError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping
 
     from twin.follow.live_problem import LiveSignal
-    from twin.follow.rig_keys import Reaction
+    from twin.follow.schema import Reaction
 
 CONSTANT_AFTER = 2.0  # so long a measured value must be equal to the bit until its sensor counts as stuck [s]
 CONSTANT_COUNT = 20  # and so many messages
@@ -59,7 +58,6 @@ class SignalChecks:
     def __init__(self, measured: Iterable[LiveSignal], notes: Notes, on_bad: Reaction) -> None:
         self.notes, self.on_bad = notes, on_bad
         self._repeats = {signal.name: Repeats() for signal in measured}
-        self._units: dict[tuple[str, str], str] = {}
         self.sent: dict[str, str] = {}  # name -> source
         self._begin: float | None = None
 
@@ -70,16 +68,9 @@ class SignalChecks:
                 f"nan {signal.name}", f"{signal.name} is {value}: left out until it is a number.", self.on_bad
             )
             return None
-        problem = self._units.get((signal.name, sent_unit))
-        if problem is None:
-            problem = self._units[signal.name, sent_unit] = conversion_problem(signal, sent_unit)
-        if problem:
-            text = f"{signal.name} {problem}: left out. Correct the sender, or the signal in the follow file."
+        if isinstance(converted := signal.converted(value, sent_unit), str):
+            text = f"{signal.name} {converted}: left out. Correct the sender, or the signal in the follow file."
             self.notes.report(f"unit {signal.name}", text, self.on_bad)
-            return None
-        try:
-            converted = signal.converted(value, sent_unit)
-        except CouplingError:  # never: the unit was checked
             return None
         return None if self._is_stuck(signal, value, time) else converted
 

@@ -12,16 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.follow.changes import SETTLE, SURE
+from twin.follow.changes import SETTLE, SURE, Alarm
 from twin.results import run_folder
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from twin.follow.changes import Alarm
     from twin.follow.follower import Estimate
-    from twin.follow.forecasting.forecast import Forecast
+    from twin.follow.forecast import Forecast
     from twin.follow.problem import FollowProblem
 
 STATUS_FILE = "following.json"

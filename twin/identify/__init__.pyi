@@ -8,6 +8,7 @@ from .problem import RecordedExperiment as RecordedExperiment
 from .problem import Unknown as Unknown
 from .recordings import replay as replay
 from .recordings.loading import load as load
+from .recordings.reader import ValueReader as ValueReader
 from .recordings.recorded_files import Column as Column
 from .recordings.recorded_files import RecordedFile as RecordedFile
 from .recordings.recording import Loader as Loader
@@ -17,7 +18,9 @@ from .recordings.schema import IdentifyKeys as IdentifyKeys
 from .recordings.schema import InputKeys as InputKeys
 from .recordings.schema import RangeKeys as RangeKeys
 from .recordings.schema import TableKeys as TableKeys
+from .recordings.schema import listed as listed
 from .recordings.schema import probability as probability
+from .recordings.schema import shorthand as shorthand
 from .result import Estimate as Estimate
 from .result import Result as Result
 from .result import command_line as command_line

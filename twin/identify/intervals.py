@@ -8,18 +8,17 @@ variance grows by (1 + r) / (1 - r), r their correlation with the next one (firs
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twin.identify.search import COARSE, FINE, Residuals
+from twin.identify.search import COARSE, FINE, Fit, Predictor, Residuals
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from twin.identify.search import Fit, Predictor
+    from twin.arrays import Array
 
-    Array = np.ndarray[Any, Any]
     ReportProgress = Callable[[str, float], object]
 
 METHODS = ("jacobian", "profile", "bootstrap")
@@ -113,9 +112,9 @@ def estimate_uncertainty(
     residuals.on_evaluation = lambda: report("covariance", 0.0)
     by_jacobian = covariance(residuals, fit.positions)
     if method == "profile":
-        profiled(residuals, fit.positions, by_jacobian, report)
+        add_profiles(residuals, fit.positions, by_jacobian, report)
     elif method == "bootstrap":
-        bootstrapped(residuals, fit.positions, by_jacobian, seed, report)
+        add_bootstrap(residuals, fit.positions, by_jacobian, seed, report)
     return by_jacobian
 
 
@@ -188,7 +187,7 @@ def inverse(jacobian: Array, factor: float, weights: Array) -> tuple[Array, Arra
     return matrix, own, np.sqrt(np.diag(middle)) / s, directions, growth
 
 
-def profiled(residuals: Residuals, optimum: Array, knowledge: ParameterUncertainty, report: ReportProgress) -> None:
+def add_profiles(residuals: Residuals, optimum: Array, knowledge: ParameterUncertainty, report: ReportProgress) -> None:
     """Ends of the intervals where the cost, searched over all others, has risen to its limit."""
     count = len(optimum)
     heights = 0.5 * knowledge.growth * quantile(residuals) ** 2  # cost above the best at the ends of the intervals
@@ -224,7 +223,7 @@ def profile_point(
     if variance:
         begin[others] += knowledge.covariance[others, i] / variance * (position - warm[i])
     begin[i] = position
-    return residuals.searched(np.clip(begin, 0.0, 1.0), others, 12)
+    return residuals.search(np.clip(begin, 0.0, 1.0), others, 12)
 
 
 def profile_end(
@@ -264,7 +263,7 @@ def profile_end(
     return float(inside[0] if outside is None else (inside[0] + outside[0]) / 2)
 
 
-def bootstrapped(
+def add_bootstrap(
     residuals: Residuals, optimum: Array, knowledge: ParameterUncertainty, seed: int, report: ReportProgress
 ) -> None:
     """Quantiles of searches with residuals drawn anew, in blocks that keep what follows each other together.
@@ -287,7 +286,7 @@ def bootstrapped(
             resampled.append(computed + errors[rows])
         again = Residuals(residuals.model, residuals.sigmas, resampled)
         again.on_evaluation = lambda number=number: report("bootstrap", number / RESAMPLED)  # type: ignore[misc]
-        optima.append(again.searched(optimum, list(np.flatnonzero(knowledge.effect)), 12)[0])
+        optima.append(again.search(optimum, list(np.flatnonzero(knowledge.effect)), 12)[0])
     knowledge.samples = np.array(optima)
     tail = (1 - residuals.model.problem.keys.confidence) / 2
     ends = np.quantile(knowledge.samples, [tail, 1 - tail], axis=0)

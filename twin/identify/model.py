@@ -21,9 +21,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
+    from twin.arrays import Array
     from twin.identify.problem import Output, Problem, RecordedExperiment, Unknown
-
-    Array = np.ndarray[Any, Any]
 
 BUFFER_BYTES = 1 << 20  # for rows: many short simulations
 CACHE_SIZE = 24  # simulations: delays and offsets need none of their own

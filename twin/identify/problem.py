@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from twin.results import format_value
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
+    from twin.arrays import Array
     from twin.coupling import Catalog
     from twin.identify.recordings.recorded_files import RecordedFile
     from twin.identify.recordings.schema import IdentifyKeys
     from twin.scenario import Case
-
-    Array = np.ndarray[Any, Any]
 
 EDGE = 1e-3  # part of the range from a bound at which a value is at it
 
@@ -181,6 +181,12 @@ class Problem:
     def count(self) -> int:
         """Number of measured values."""
         return sum(len(output.values) for output in self.outputs)
+
+    def positions(self, values: Mapping[str, float] | None = None) -> Array:
+        """Return the positions of values by name; by default of the model's own ones."""
+        return np.array(
+            [unknown.position(values[unknown.name] if values else unknown.start) for unknown in self.unknowns]
+        )
 
     def values(self, positions: Array) -> dict[str, float]:
         """Return the values of the unknowns at their positions."""

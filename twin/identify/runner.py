@@ -13,16 +13,12 @@ from twin.identify.intervals import METHODS, estimate_uncertainty
 from twin.identify.model import Model
 from twin.identify.recordings.loading import load
 from twin.identify.result import Result
-from twin.identify.search import multistart_search
+from twin.identify.search import Progress, multistart_search
 from twin.process import Stop
+from twin.run import noop
 
 if TYPE_CHECKING:
     from twin.identify.problem import Problem
-    from twin.identify.search import Progress
-
-
-def silent(_what: str, _part: float, _best: str) -> None:
-    """No progress shown."""
 
 
 def identify(
@@ -32,7 +28,7 @@ def identify(
     seed: int = 0,
     intervals: str = "jacobian",
     build: Path = Path("build"),
-    progress: Progress = silent,
+    progress: Progress = noop,
     command: str = "twin.identify.identify",
 ) -> Result:
     """Fit a model to recordings. After Ctrl-C: the best until then, with intervals by the Jacobian."""

@@ -5,21 +5,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
+from twin.arrays import Array
 from twin.errors import SimulationError, TwinError
+from twin.identify.problem import Problem
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from twin.identify.problem import Problem
-
-    Array = np.ndarray[Any, Any]
-    Progress = Callable[[str, float, str], object]  # what is done, part of it that is done, how good the best is
+Progress = Callable[[str, float, str], object]  # what is done, part of it that is done, how good the best is
 
 COARSE, FINE = 1e-2, 1e-3  # of a difference, as part of the range: first over what is rough, then to the point
 TOLERANCE = 1e-8  # relative change of cost and of positions at which a search ends
@@ -193,7 +190,7 @@ class Residuals:
         self.model.used = True
         return columns
 
-    def searched(
+    def search(
         self, begin: Array, free: Sequence[int] | None = None, iterations: int = ITERATIONS, step: float = FINE
     ) -> tuple[Array, float]:
         """Search from a position; return its end and the cost there. `free`: unknowns that may change, all by default."""
@@ -248,7 +245,7 @@ def estimated(residuals: Residuals, position: Array) -> list[float]:
 def multistart_search(model: Predictor, count: int, seed: int, progress: Progress) -> Fit:
     """The best place of `count` searches; the first begins at the model's own values, the others somewhere."""
     residuals = Residuals(model, first_sigmas(model))
-    fit = Fit(np.array([unknown.position(unknown.start) for unknown in model.problem.unknowns]), residuals.sigmas)
+    fit = Fit(model.problem.positions(), residuals.sigmas)
 
     def report(what: str, part: float) -> None:
         best = residuals.best
@@ -261,10 +258,10 @@ def multistart_search(model: Predictor, count: int, seed: int, progress: Progres
     try:
         for number, start in enumerate(initial_points(residuals, count, seed, report)):
             report(f"start {number + 1} of {count}", number / count)
-            end, cost = residuals.searched(start, step=COARSE)
+            end, cost = residuals.search(start, step=COARSE)
             fit.starts.append(Start(start, end, cost))
         report("best start", 1.0)
-        fit.positions = residuals.searched(best_of(residuals, fit))[0]
+        fit.positions = residuals.search(best_of(residuals, fit))[0]
         fit.sigmas = settle(residuals, fit, report)
     except KeyboardInterrupt:
         fit.interrupted = True
@@ -282,7 +279,7 @@ def initial_points(residuals: Residuals, count: int, seed: int, report: Callable
     """Choose the initial points of the searches: the best of a Latin hypercube. TwinError if the model runs nowhere."""
     from scipy.stats import qmc
 
-    first = np.array([unknown.position(unknown.start) for unknown in residuals.model.problem.unknowns])
+    first = residuals.model.problem.positions()
     report("first guess", 0.0)
     residuals(first)
     if count == 1 and not residuals.failures:
@@ -331,6 +328,6 @@ def settle(residuals: Residuals, fit: Fit, report: Callable[[str, float], None])
             residuals(fit.positions)
         if alike:
             break
-        fit.positions = residuals.searched(fit.positions)[0]
+        fit.positions = residuals.search(fit.positions)[0]
         sigmas = estimated(residuals, fit.positions)
     return sigmas

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,10 +14,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from twin.arrays import Array
     from twin.identify.recordings.recorded_files import Column
     from twin.identify.recordings.schema import TableKeys
-
-    Array = np.ndarray[Any, Any]
 
 Rows = list[tuple[int, list[str]]]  # line of the file, cells
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,9 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
+    from twin.arrays import Array
     from twin.validation.schema import SetKeys
-
-    Array = np.ndarray[Any, Any]
 
 JUMP = 2.0  # times the largest change between rows of the training windows, if any: what is larger is no motion
 

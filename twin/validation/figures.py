@@ -13,16 +13,13 @@ limits for parts are widened until parts of left-out folds exceed them at the st
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    Array = np.ndarray[Any, Any]
+from twin.arrays import Array
 
 BLOCKS = 20  # parts of a run whose mean errors are tested
 RANKS = 401  # points of a fold's distribution function
@@ -177,16 +174,8 @@ def limits_of_parts(folds: Sequence[Array], count: int, rows: int, rate: float) 
     widening = max(1.0, sorted(scores)[rank - 1]) if rank <= len(scores) and len(folds) > 3 else 1.0
     center, limit = center_and_limit(values, rate)
     return [
-        Limits(
-            rows,
-            float(center[output, 0]),
-            float(widening * limit[output, 0]),
-            float(center[output, 1]),
-            float(widening * limit[output, 1]),
-            float(widening * limit[output, 2]),
-            float(widening * limit[output, 3]),
-        )
-        for output in range(outputs)
+        Limits(rows, offset, largest[0], start, *largest[1:])
+        for (offset, start, *_), largest in zip(center.tolist(), (widening * limit).tolist(), strict=True)
     ]
 
 

@@ -9,17 +9,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import SimulationError
-from twin.identify import IdentifyKeys, Output, Problem, Residuals, estimate_uncertainty, multistart_search
+from twin.identify import (
+    IdentifyKeys,
+    Output,
+    Problem,
+    Residuals,
+    Unknown,
+    estimate_uncertainty,
+    multistart_search,
+)
 from twin.scenario import number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from twin.identify import Fit, Unknown
+    from twin.arrays import Array
     from twin.validation.data import Data
     from twin.validation.model import ValidationSet
 
-    Array = np.ndarray[Any, Any]
     Progress = Callable[[str, float, str], object]
 
 THIRD = 1 / 3  # part of a run with which offset or slack may be corrected
@@ -67,30 +74,25 @@ class SetPredictor:
         return
 
 
-@dataclass
-class FittedSet:
-    """Parameters of a set: values and intervals (95 %) by name, in the variables' units."""
-
-    values: dict[str, float]
-    intervals: dict[str, tuple[float, float]]
-    units: dict[str, str]
-    simulations: int = 0
-
-
-def fit(own: ValidationSet, data: Data, rows: Array, *, starts: int, seed: int, progress: Progress) -> FittedSet:
-    """Fit the set's parameters to some rows of its data."""
+def fit(
+    own: ValidationSet, data: Data, rows: Array, *, starts: int, seed: int, progress: Progress
+) -> dict[str, dict[str, Any]]:
+    """Fit the set's parameters to some rows of its data; return value, unit and interval (95 %) by name, in the variables' units."""
     unknowns = own.unknowns("fit")
     if not unknowns:
-        return FittedSet({}, {}, {})
+        return {}
     predictor = SetPredictor(own, data, unknowns, fitted_rows(own, data, rows), {})
-    best: Fit = multistart_search(predictor, starts, seed, progress)
+    best = multistart_search(predictor, starts, seed, progress)
     knowledge = estimate_uncertainty(predictor, best, "jacobian", seed, lambda *_: None)
-    values = predictor.problem.values(best.positions)
-    intervals = {}
-    for i, unknown in enumerate(unknowns):
-        ends = np.clip([knowledge.low[i], knowledge.high[i]], 0.0, 1.0)
-        intervals[unknown.name] = (unknown.value(float(ends[0])), unknown.value(float(ends[1])))
-    return FittedSet(values, intervals, {unknown.name: unknown.unit for unknown in unknowns}, predictor.count)
+    ends = np.clip([knowledge.low, knowledge.high], 0.0, 1.0).T
+    return {
+        unknown.name: {
+            "value": unknown.value(float(position)),
+            "unit": unknown.unit,
+            "interval": [unknown.value(float(end)) for end in interval],
+        }
+        for unknown, position, interval in zip(unknowns, best.positions, ends, strict=True)
+    }
 
 
 def refit(own: ValidationSet, data: Data, rows: Array, begin: Mapping[str, float]) -> dict[str, float]:
@@ -99,9 +101,8 @@ def refit(own: ValidationSet, data: Data, rows: Array, begin: Mapping[str, float
     if not unknowns:
         return {}
     predictor = SetPredictor(own, data, unknowns, fitted_rows(own, data, rows), {})
-    residuals = weighted_residuals(predictor, begin)
-    position = np.array([unknown.position(begin[unknown.name]) for unknown in unknowns])
-    return predictor.problem.values(residuals.searched(position)[0])
+    position = predictor.problem.positions(begin)
+    return predictor.problem.values(weighted_residuals(predictor, position).search(position)[0])
 
 
 def fitted_rows(own: ValidationSet, data: Data, rows: Array) -> Array:
@@ -119,10 +120,8 @@ def fitted_rows(own: ValidationSet, data: Data, rows: Array) -> Array:
     return mask
 
 
-def weighted_residuals(predictor: SetPredictor, begin: Mapping[str, float]) -> Residuals:
-    """Residuals weighted by the noise that they have at given values."""
-    unknowns = predictor.problem.unknowns
-    position = np.array([unknown.position(begin[unknown.name]) for unknown in unknowns])
+def weighted_residuals(predictor: SetPredictor, position: Array) -> Residuals:
+    """Residuals weighted by the noise that they have at a position."""
     predicted = predictor.predicted(position)
     sigmas = [
         output.noise or float(np.sqrt(np.mean((y - output.values) ** 2))) or 1.0
@@ -150,10 +149,10 @@ def correction(own: ValidationSet, data: Data, values: Mapping[str, float]) -> d
         for unknown in unknowns
     }
     predictor = SetPredictor(own, data, unknowns, first_third(data), values)
-    residuals = weighted_residuals(predictor, begin)
-    positions = [np.array([unknown.position(begin[unknown.name]) for unknown in unknowns])]
+    positions = [predictor.problem.positions(begin)]
+    residuals = weighted_residuals(predictor, positions[0])
     positions += [np.full(len(unknowns), share) for share in (0.25, 0.75)][: CORRECTION_SEARCHES - 1]
-    ends = [residuals.searched(position) for position in positions]
+    ends = [residuals.search(position) for position in positions]
     return predictor.problem.values(min(ends, key=lambda end: end[1])[0])
 
 

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import yaml
 
 from twin.errors import ScenarioError, TwinError
 from twin.scenario import read
 from twin.validation.figures import Limits
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @dataclass

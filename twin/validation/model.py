@@ -4,27 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from twin import clock, compiler
 from twin.component import catalog, unit
-from twin.errors import CouplingError, ScenarioError, TwinError, nearest
-from twin.identify import Unknown
-from twin.scenario import number
-from twin.validation.data import SetReader
+from twin.errors import CouplingError, TwinError, nearest
+from twin.identify import Unknown, ValueReader
+from twin.validation.data import Data, SetReader
 from twin.validation.rollout import MEMBER, RollOut
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
+    from twin.arrays import Array
     from twin.scenario import Node
-    from twin.validation.data import Data
     from twin.validation.schema import SetKeys
-
-    Array = np.ndarray[Any, Any]
 
 
 @dataclass(frozen=True)
@@ -59,14 +56,14 @@ class Quantity:
         return np.asarray(np.linalg.norm(difference, axis=1) if self.is_distance else difference[:, 0])
 
 
-class ValidationSet:
+class ValidationSet(ValueReader):
     """A set of a validation file with its component, ready to predict. ScenarioError lists all problems."""
 
     def __init__(self, name: str, keys: SetKeys, root: Node, build: Path) -> None:
-        self.name, self.keys, self.root = name, keys, root
-        self.problems: list[str] = []
+        super().__init__(root, [])
+        self.name, self.keys = name, keys
         self.require_keys()
-        self.refuse()
+        self.stop_if_wrong()
         try:
             self.rollout = RollOut(
                 keys.component,
@@ -77,20 +74,14 @@ class ValidationSet:
                 build,
             )
         except (TwinError, CouplingError) as error:
-            self.add_problem(str(error), "component")
-        self.refuse()
+            self.add_problem(error, "component")
+        self.stop_if_wrong()
         self.check_columns()
-        self.refuse()
+        self.stop_if_wrong()
 
-    def add_problem(self, text: str, *path: str) -> None:
-        """Keep a problem with file and line."""
-        where = ("sets", self.name, *path)
-        self.problems += [f"{self.root.find(where).location}: {'.'.join(where)}: {line}" for line in text.split("\n")]
-
-    def refuse(self) -> None:
-        """ScenarioError if there are problems."""
-        if self.problems:
-            raise ScenarioError(self.problems)
+    def add_problem(self, error: TwinError | str, *path: str | int) -> None:
+        """Add the problems of a key of the set."""
+        super().add_problem(error, "sets", self.name, *path)
 
     def require_keys(self) -> None:
         """Keys without which nothing can be predicted."""
@@ -112,7 +103,7 @@ class ValidationSet:
                 try:
                     self.rollout.variable(name)
                 except CouplingError as error:
-                    self.add_problem(str(error), group, name)
+                    self.add_problem(error, group, name)
         for column in keys.turned:
             if column not in keys.outputs:
                 self.add_problem(f"there is no output {column}. {nearest(column, keys.outputs)}", "turned")
@@ -125,12 +116,12 @@ class ValidationSet:
                     try:
                         unit.conversion(other, first, column)
                     except CouplingError as error:
-                        self.add_problem(str(error), "distance", name)
+                        self.add_problem(error, "distance", name)
         for column, output in keys.outputs.items():
             try:
                 unit.conversion(self.units[output.signal], output.unit, column)
             except CouplingError as error:
-                self.add_problem(str(error), "outputs", column)
+                self.add_problem(error, "outputs", column)
 
     @property
     def outputs(self) -> list[str]:
@@ -189,19 +180,13 @@ class ValidationSet:
         unknowns = []
         for name, keys in getattr(self.keys, group).items():
             variable = self.rollout.variable(name)
-            bounds: list[float] = []
-            for key, raw in (("from", keys.low), ("to", keys.high), ("start", keys.start)):
-                if raw is None and key != "start":
-                    self.add_problem(f"`{key}` is missing. Give both bounds: {{from: ..., to: ...}}.", group, name)
-                try:
-                    bounds.append(self.start(name) if raw is None else number(raw, variable.unit, ""))
-                except CouplingError as error:
-                    self.add_problem(str(error).removeprefix(": "), group, name, key)
-            self.refuse()
-            low, high, start = bounds
-            if not low < high or (keys.scale == "log" and low <= 0):
-                self.add_problem(f"from {keys.low} to {keys.high} is no range for its scale. Correct it.", group, name)
-                self.refuse()
+            start = self.start(name)
+            if keys.start is not None:
+                start = self.quantity(keys.start, variable.unit, group, name, "start")
+            bounds = self.bounds(keys, variable.unit, group, name)
+            self.stop_if_wrong()
+            assert bounds is not None, "else there are problems"
+            low, high = bounds
             unknowns.append(
                 Unknown(
                     name,

@@ -6,21 +6,18 @@ that a static component has no lag: row k of the outputs belongs to row k of the
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from twin import compiler
+from twin.arrays import Array
 from twin.compiler import call_step, read64, read_float, write_float
 from twin.coupling import RecordMember, find
 from twin.errors import CouplingError, SimulationError, TwinError
 from twin.scenario import Backend, MemberSpec, make, members
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
-
-    Array = np.ndarray[Any, Any]
 
 MEMBER = "model"  # name of the only member
 
@@ -89,7 +86,7 @@ class RollOut:
         self.variables = members.variables(source)
         values, problems = spec.values(MEMBER, self.variables)
         if problems:
-            raise TwinError("\n".join(text.removeprefix(": ") for text in problems))
+            raise TwinError([text.removeprefix(": ") for text in problems])
         member = make(MEMBER, source, values, Backend.compiled, build)
         if not isinstance(member, RecordMember) or member.code is None:
             raise TwinError(f"{component}: only components with source in Python can be validated. Name one of those.")

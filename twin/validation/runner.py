@@ -12,33 +12,27 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import ScenarioError, SimulationError, TwinError, nearest
-from twin.scenario import read
+from twin.installed import import_optional
+from twin.run import noop
+from twin.scenario import Node, read
 from twin.scenario import validate as validate_keys
 from twin.validation import figures
-from twin.validation.baselines import fit_baseline, predict_baseline
-from twin.validation.data import missing_columns
+from twin.validation.baselines import LAGS, fit_baseline, predict_baseline
+from twin.validation.data import Data, missing_columns
 from twin.validation.fitting import first_third, fit, refit, rezeroed
 from twin.validation.frozen import FrozenSet, frozen_path, read_frozen
-from twin.validation.model import ValidationSet
-from twin.validation.networks import LAGS, require_scikit_learn
-from twin.validation.schema import ValidationKeys
+from twin.validation.model import Quantity, ValidationSet
+from twin.validation.schema import FoldKeys, ValidationKeys
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from twin.scenario import Node
-    from twin.validation.data import Data
-    from twin.validation.schema import FoldKeys
+    from twin.arrays import Array
 
-    Array = np.ndarray[Any, Any]
     Progress = Callable[[str, float], object]
 
 VARIABLE = "TWIN_VALIDATION_DATA"  # environment variable of the data folder
 NOTICEABLE = 1e-3  # part of the bounds by which a corrected parameter differs from the frozen one
-
-
-def noop(_text: str, _fraction: float) -> None:
-    """No progress shown."""
 
 
 @dataclass
@@ -172,7 +166,7 @@ def predict_file(own: ValidationSet, frozen: FrozenSet, data: Data) -> Predictio
     last = ~first_third(data)
     for quantity in own.quantities:
         error = quantity.error(predicted, data.measured)
-        failures = disagreements(own, frozen, quantity.name, data, predicted)
+        failures = disagreements(own, frozen, quantity, data, predicted)
         row: dict[str, Any] = {"file": data.files[0], "quantity": quantity.name, "unit": quantity.unit}
         row |= figures.summary(error)
         half = frozen.band.get(quantity.name, {}).get("half_width")
@@ -238,16 +232,14 @@ def remarks(row: dict[str, Any], own: ValidationSet, frozen: FrozenSet, data: Da
 
 
 def disagreements(
-    own: ValidationSet, frozen: FrozenSet, name: str, data: Data, predicted: Array
+    own: ValidationSet, frozen: FrozenSet, quantity: Quantity, data: Data, predicted: Array
 ) -> list[figures.Disagreement]:
     """Where the outputs of a quantity leave the limits of the consistency test."""
-    quantity = next(quantity for quantity in own.quantities if quantity.name == name)
-    failures = []
+    failures, limits = [], frozen.limits.get(quantity.name, {})
     for i, error in zip(quantity.indices, quantity.difference(predicted, data.measured).T, strict=True):
-        column = own.outputs[i]
-        if column in frozen.limits.get(name, {}):
-            own_limits = [figures.Limits(**entry) for entry in frozen.limits[name][column]]
-            failure = figures.disagreement(column, error, data.time, own_limits)
+        if (column := own.outputs[i]) in limits:
+            levels = [figures.Limits(**entry) for entry in limits[column]]
+            failure = figures.disagreement(column, error, data.time, levels)
             failures += [failure] if failure else []
     return failures
 
@@ -300,7 +292,7 @@ def fit_set(own: ValidationFile, name: str, starts: int, seed: int, progress: Pr
     begin = time.perf_counter()
     current = own.open_set(name)
     for baseline in LAGS.keys() & current.keys.baselines:  # before the fit, which takes long
-        require_scikit_learn(baseline)
+        import_optional("sklearn", "learn", f"baseline {baseline}")
     patterns = current.keys.train or current.keys.files
     names = own.names(patterns)
     if not names:
@@ -308,7 +300,8 @@ def fit_set(own: ValidationFile, name: str, starts: int, seed: int, progress: Pr
     data = current.reader(training=True).read(own.folder, names)
     fold_labels(current, data)  # refuses data that cannot be divided before the fit, which takes long
     every = np.ones(len(data.time), bool)
-    fitted = fit(
+    frozen = FrozenSet(source_sha256=current.source_hash, files=dict(zip(data.files, data.hashes, strict=True)))
+    frozen.parameters = fit(
         current,
         data,
         every,
@@ -316,18 +309,13 @@ def fit_set(own: ValidationFile, name: str, starts: int, seed: int, progress: Pr
         seed=seed,
         progress=lambda what, part, best: progress(f"{name}: {what} {best}", 0.5 * part),
     )
-    frozen = FrozenSet(source_sha256=current.source_hash, files=dict(zip(data.files, data.hashes, strict=True)))
-    frozen.parameters = {
-        key: {"value": value, "unit": fitted.units[key], "interval": list(fitted.intervals[key])}
-        for key, value in fitted.values.items()
-    }
     for number, baseline in enumerate(current.keys.baselines):
         progress(f"{name}: baseline {baseline}", 0.5 + 0.1 * number / len(current.keys.baselines))
         frozen.baselines[baseline] = fit_baseline(baseline, data, every)
     frozen.changes = dict(data.changes) if current.keys.train_window else {}
-    predicted = current.predict(data, fitted.values)
+    predicted = current.predict(data, frozen.values)
     frozen.training = rows_by(current, data, predicted, data.files, data.file_index)
-    cross_validate(current, data, fitted.values, frozen, own.keys, progress)
+    cross_validate(current, data, frozen.values, frozen, own.keys, progress)
     frozen.seconds = round(time.perf_counter() - begin, 1)
     return frozen
 

@@ -6,22 +6,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from twin.identify import RangeKeys, TableKeys, probability
+from twin.identify import RangeKeys, TableKeys, listed, probability, shorthand
 from twin.scenario import Keys, Period, Text, Value
 
 BaselineName = Literal[
     "line", "quadratic", "cubic", "play_cubic", "linear_second_order", "narx", "network", "play_network"
 ]
-
-
-def listed(value: Any) -> Any:
-    """A list, also of a single item."""
-    return value if isinstance(value, list) else [value]
-
-
-def signal(value: Any) -> Any:
-    """A signal, also if only its name is given."""
-    return {"signal": value} if isinstance(value, str) else value
 
 
 def rate(value: Any) -> Any:
@@ -32,11 +22,6 @@ def rate(value: Any) -> Any:
         )
     except (TypeError, ValueError):
         raise ValueError("expected a rate above 0 % and up to 50 %, such as 5 %") from None
-
-
-def distances(value: Any) -> Any:
-    """Distances by name, also if only the columns of one are listed."""
-    return {"distance": value} if isinstance(value, list) else value
 
 
 class MeasuredSignalKeys(Keys):
@@ -78,8 +63,8 @@ class SetKeys(TableKeys):
     step: Period | None = None
     set: dict[Text, Value] = Field(default_factory=dict)
     inputs: dict[Text, Text] = Field(default_factory=dict)
-    outputs: dict[Text, Annotated[MeasuredSignalKeys, BeforeValidator(signal)]] = Field(default_factory=dict)
-    distance: Annotated[dict[Text, list[Text]], BeforeValidator(distances)] = Field(default_factory=dict)
+    outputs: dict[Text, Annotated[MeasuredSignalKeys, shorthand("signal")]] = Field(default_factory=dict)
+    distance: Annotated[dict[Text, list[Text]], shorthand("distance", list)] = Field(default_factory=dict)
     initial: dict[Text, Text] = Field(default_factory=dict)
     window: Annotated[int, Field(ge=0)] = 0
     train_window: Annotated[int, Field(ge=0)] | None = None

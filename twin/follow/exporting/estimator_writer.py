@@ -7,15 +7,13 @@ from math import nan
 from typing import TYPE_CHECKING, Any
 
 from twin.component import Component, Variable, evaluation
-from twin.coupling import GroupMember, ResolvedConnection, is_real, subscript
+from twin.coupling import GroupMember, Reference, ResolvedConnection, is_real, subscript
 from twin.follow.exporting.unscented import sample
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     import numpy as np
-
-    from twin.coupling import Reference
 
 FILTER = "filter"  # name of the filter's record
 CENTER = "point0"  # name of the central point's record

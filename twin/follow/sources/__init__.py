@@ -4,27 +4,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from twin.follow.sources.inbox import Inbox
-from twin.follow.sources.message import Message, Source, now
+from twin.follow.sources.bus import BusSource
+from twin.follow.sources.messages import Inbox, Message, Source, now
+from twin.follow.sources.topics import TopicSource
+from twin.follow.sources.udp import UdpSource
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from twin.follow.rig_keys import SourceKeys
+    from twin.follow.schema import SourceKeys
 
 __all__ = ["Inbox", "Message", "now", "open_source"]
 
 
-def open_source(name: str, keys: SourceKeys, folder: Path) -> Source:
-    """Open a source; SimulationError if it cannot be opened. `folder`: of the file that names it."""
+def open_source(name: str, keys: SourceKeys) -> Source:
+    """Open a source; SimulationError if it cannot be opened."""
     if keys.udp is not None:
-        from twin.follow.sources.udp import UdpSource
-
         return UdpSource(name, *keys.udp, keys.time)
     if (topic := keys.mqtt or keys.zenoh) is not None:
-        from twin.follow.sources.topics import TopicSource
-
         return TopicSource(name, topic, keys.time)
-    from twin.follow.sources.bus import BusSource
-
-    return BusSource(name, folder / keys.hardware)
+    return BusSource(name, keys.hardware)

@@ -9,14 +9,9 @@ import socket
 import struct
 import sys
 import time
-from typing import TYPE_CHECKING
 
 from twin.errors import SimulationError
-from twin.follow.sources.json_message import parse
-from twin.follow.sources.message import now
-
-if TYPE_CHECKING:
-    from twin.follow.sources.message import Message
+from twin.follow.sources.messages import Message, now, parse
 
 LARGEST = 65536  # size of a datagram [byte]
 BUFFER = 1 << 22  # of the operating system, for times when the model computes [byte]

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from twin.identify.problem import Problem
+from twin.identify.problem import Problem, Unknown
 from twin.identify.recordings.recording import Loader
 from twin.identify.recordings.schema import IdentifyKeys
 from twin.scenario import Node, read, validate
-
-if TYPE_CHECKING:
-    from twin.identify.problem import Unknown
 
 MERGED = ("set", "fit")  # keys of which a recording's own entries are added to those of all
 

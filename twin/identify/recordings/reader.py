@@ -9,18 +9,61 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from twin.component import unit
-from twin.coupling import find
+from twin.coupling import Catalog, MemberVariable, find
 from twin.errors import CouplingError
 from twin.identify.recordings.schema import IdentifyKeys, InputKeys, RangeKeys
-from twin.scenario import KeyFile, number, validate
+from twin.scenario import KeyFile, Node, number, short, validate
 
 if TYPE_CHECKING:
-    from twin.coupling import Catalog, MemberVariable
     from twin.identify.recordings.recorded_files import Column
-    from twin.scenario import Node
 
 
-class KeyReader(KeyFile):
+class ValueReader(KeyFile):
+    """Keys whose values are numbers in the units of variables."""
+
+    def quantity(self, raw: Any, symbol: str, *path: str | int, is_difference: bool = False) -> float:
+        """Return a number in a unit; 0 and a problem if it is none. `is_difference`: such as a standard deviation or an offset."""
+        try:
+            return number(raw, symbol, "", is_difference)
+        except CouplingError as error:
+            self.add_problem(str(error).removeprefix(": "), *path)
+            return 0.0
+
+    def bounds(self, keys: Any, symbol: str, *path: str | int) -> tuple[float, float] | None:
+        """Return the bounds `from` and `to` of keys with a scale; None and the problems if they are no range."""
+        before = len(self.problems)
+        ends = []
+        for name, bound in (("from", keys.low), ("to", keys.high)):
+            if bound is None:
+                self.add_problem(f"`{name}` is missing. Give both bounds: {{from: ..., to: ...}}.", *path)
+                return None
+            ends.append(self.quantity(bound, symbol, *path, name))
+        low, high = ends
+        if len(self.problems) > before:
+            return None
+        if not low < high:
+            self.add_problem(f"from {short(keys.low)} is not below to {short(keys.high)}. Swap them.", *path)
+        elif keys.scale == "log" and low <= 0:
+            text = "is not above zero, as scale: log needs it. Raise it, or leave the scale out."
+            self.add_problem(f"from {short(keys.low)} {text}", *path)
+        return (low, high) if len(self.problems) == before else None
+
+    def range(self, keys: RangeKeys, symbol: str, now: float, *path: str | int) -> tuple[float, float, float]:
+        """Return the bounds, and the first guess: `start`, else `now` if it lies between them, else their middle."""
+        before = len(self.problems)
+        start = now if keys.start is None else self.quantity(keys.start, symbol, *path, "start")
+        bounds = self.bounds(keys, symbol, *path)
+        if bounds is None or len(self.problems) > before:
+            return 0.0, 1.0, 0.5
+        low, high = bounds
+        if not low <= start <= high:
+            if keys.start is not None:
+                self.add_problem(f"start {keys.start} is outside of {keys.low} to {keys.high}. Move it.", *path)
+            start = float(np.sqrt(low * high)) if keys.scale == "log" else (low + high) / 2
+        return low, high, start
+
+
+class KeyReader(ValueReader):
     """The keys of one recording; `problems`, which all recordings share, and `notes` grow on the way.
 
     `schema`: the keys of the file; `required`: those that nothing can be done without, with an example.
@@ -87,38 +130,6 @@ class KeyReader(KeyFile):
                     f"is in {column.unit}, {keys.signal} in {variable.unit or 'no unit'}. Correct one.", *path
                 )
         return keys.factor * (column.values * factor + offset)
-
-    def quantity(self, raw: Any, symbol: str, *path: str | int, is_difference: bool = False) -> float:
-        """A number in a unit; 0 if it is none, which is told. `is_difference`: such as a standard deviation or an offset."""
-        try:
-            return number(raw, symbol, "", is_difference)
-        except CouplingError as error:
-            self.add_problem(str(error).removeprefix(": "), *path)
-            return 0.0
-
-    def range(self, keys: RangeKeys, symbol: str, now: float | None, *path: str | int) -> tuple[float, float, float]:
-        """Lower and upper bound, and the first guess."""
-        missing = [name for name, bound in (("from", keys.low), ("to", keys.high)) if bound is None]
-        if missing:
-            self.add_problem(f"`{missing[0]}` is missing. Give both bounds: {{from: ..., to: ...}}.", *path)
-            return 0.0, 1.0, 0.5
-        before = len(self.problems)
-        low = self.quantity(keys.low, symbol, *path, "from")
-        high = self.quantity(keys.high, symbol, *path, "to")
-        start = now if keys.start is None else self.quantity(keys.start, symbol, *path, "start")
-        if len(self.problems) > before:
-            return 0.0, 1.0, 0.5
-        if not low < high:
-            self.add_problem(f"from {keys.low} is not below to {keys.high}. Swap them.", *path)
-        elif keys.scale == "log" and low <= 0:
-            self.add_problem(
-                f"from {keys.low} is not above zero, as scale: log needs it. Raise it, or leave the scale out.", *path
-            )
-        elif keys.start is not None and start is not None and not low <= start <= high:
-            self.add_problem(f"start {keys.start} is outside of {keys.low} to {keys.high}. Move it.", *path)
-        if start is None or not low <= start <= high:
-            start = float(np.sqrt(low * high)) if keys.scale == "log" and low > 0 else (low + high) / 2
-        return low, high, start
 
 
 def member_of(component: str) -> str:

@@ -10,7 +10,7 @@ import hashlib
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,11 +21,10 @@ from twin.identify import tables
 from twin.results import calibration, list_recorded_variables, read_variables
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable
 
+    from twin.arrays import Array
     from twin.identify.recordings.schema import FileKeys
-
-    Array = np.ndarray[Any, Any]
 
 TRACE = ["time [s]", "id", "data", "node", "service", "text", "values"]  # what `twin can decode --csv` writes
 TIMES = ("time", "t")
@@ -149,20 +148,20 @@ class RecordedFile:
             time, values, symbol = self.parquet(column)
             lines = np.zeros(0, np.int64)
         elif self.path.suffix == ".mat":
-            time, values, lines = self.times(self.matlab), self.matlab[column], np.zeros(0, np.int64)
+            values, lines = self.matlab[column], np.zeros(0, np.int64)
+            time = self.times(list(self.matlab), len(values), self.matlab.__getitem__)
         else:
             lines, time, values = self.trace(column) if self.is_trace else self.csv(column)
         symbol = alias.unit if alias and alias.unit else symbol or unit.split_header(column)[1]
         column_data = Column(self.shown, column, symbol, time - clock.seconds(self.keys.start), values, lines)
         return checked(tables.cleaned(column_data, self.keys))
 
-    def times(self, columns: Mapping[str, Array]) -> Array:
-        """Times [s] of the rows: `sample_time` apart, or the column of times."""
-        count = len(next(iter(columns.values())))
+    def times(self, header: list[str], count: int, read: Callable[[str], Array]) -> Array:
+        """Times [s] of the rows: `sample_time` apart, or the column of times, which `read` reads."""
         if self.keys.sample_time is not None:
             return np.arange(count) * clock.seconds(self.keys.sample_time)
-        name = self.time_name(list(columns))
-        return columns[name] * self.seconds_of(name)
+        name = self.time_name(header)
+        return read(name) * self.seconds_of(name)
 
     def seconds_of(self, name: str) -> float:
         """Seconds in the unit of the column of times: that of `columns`, or of its header."""
@@ -192,10 +191,7 @@ class RecordedFile:
         """Lines, times [s] and values of a column of a table."""
         header, rows = self.table
         lines = np.array([number for number, _ in rows], np.int64)
-        if self.keys.sample_time is not None:
-            return lines, np.arange(len(rows)) * clock.seconds(self.keys.sample_time), self.numbers(name)
-        clock_name = self.time_name(header)
-        return lines, self.numbers(clock_name) * self.seconds_of(clock_name), self.numbers(name)
+        return lines, self.times(header, len(rows), self.numbers), self.numbers(name)
 
     def numbers(self, name: str) -> Array:
         """Numbers of a column of a table, by its name in the file; read once."""
@@ -232,19 +228,19 @@ class RecordedFile:
             return self.run(name)
         from pyarrow import parquet
 
-        needed = [name] if self.keys.sample_time is not None else [self.time_name(self.names_in_file), name]
-        table = parquet.read_table(self.path, columns=list(dict.fromkeys(needed)))
-        arrays = {}
-        for column in needed:
-            if table[column].null_count and self.keys.missing == "refuse":
-                row = table[column].is_null().to_pylist().index(True)
+        def read(column: str) -> Array:
+            cells = parquet.read_table(self.path, columns=[column])[column]
+            if cells.null_count and self.keys.missing == "refuse":
+                row = cells.is_null().to_pylist().index(True)
                 raise TwinError(f"{self.shown}: row {row + 1}: {column} is missing. Leave the row out.")
             try:
-                arrays[column] = np.asarray(table[column].to_numpy(), np.float64)
+                return np.asarray(cells.to_numpy(), np.float64)
             except (TypeError, ValueError):
-                raise TwinError(f"{self.shown}: {column} has no numbers but {table[column].type}.") from None
-        noted = (table.schema.field(name).metadata or {}).get(b"unit", b"").decode()
-        return self.times(arrays), arrays[name], noted
+                raise TwinError(f"{self.shown}: {column} has no numbers but {cells.type}.") from None
+
+        values = read(name)
+        noted = (parquet.read_schema(self.path).field(name).metadata or {}).get(b"unit", b"").decode()
+        return self.times(self.names_in_file, len(values), read), values, noted
 
     def run(self, name: str) -> tuple[Array, Array, str]:
         """Times [s], values and unit of a signal of one case of a run."""

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from twin import clock
-from twin.coupling import find
+from twin.coupling import Catalog, find
 from twin.errors import ScenarioError, TwinError, nearest
 from twin.identify.problem import Input, Output, RecordedExperiment, Unknown, named
 from twin.identify.recordings import replay
@@ -17,13 +18,7 @@ from twin.identify.recordings.reader import KeyReader, member_of
 from twin.identify.recordings.recorded_files import Column, RecordedFile
 from twin.identify.recordings.schema import InputKeys, RangeKeys
 from twin.run import resolve_catalogs
-from twin.scenario import load_scenario, made_scenario
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from twin.coupling import Catalog
-    from twin.scenario import Case, Node, ScenarioSpec
+from twin.scenario import Case, Node, ScenarioSpec, load_scenario, made_scenario
 
 SETTABLE = ("parameter", "input")
 LONGEST = 10**6 * clock.NANOSECONDS  # a stop time that no recording reaches
@@ -64,7 +59,7 @@ class Loader(KeyReader):
         """What is needed to simulate it."""
         assert self.model is not None, "what is missing was told"
         if self.keys.scenario:
-            self.notes += replay.overruled(
+            self.notes += replay.fixed_in_scenario(
                 self.model, self.full_case, [unknown for unknown in unknowns if not unknown.recording]
             )
         case, outputs = self.timed(self.reduced, self.compared, self.driving, unknowns)
@@ -321,7 +316,7 @@ class Loader(KeyReader):
     def reduce(self) -> None:
         """Let the inputs drive the case, and leave out what has no influence then."""
         try:
-            driven_case = replay.driven(
+            driven_case = replay.with_recorded_inputs(
                 self.full_case, self.catalog, [variable.signal for variable in self.keys.inputs.values()]
             )
         except TwinError as error:

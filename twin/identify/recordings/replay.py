@@ -9,17 +9,15 @@ import numpy as np
 
 from twin.compiler import read_float
 from twin.component import Component, Int64, local, output, parameter, unit
-from twin.coupling import declared_variables, find
+from twin.coupling import Catalog, declared_variables, find
 from twin.errors import TwinError
 from twin.graph import reached
-from twin.scenario import ConnectionSpec, MemberSpec, RecordSpec
+from twin.scenario import Case, ConnectionSpec, MemberSpec, Node, RecordSpec, ScenarioSpec
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from twin.coupling import Catalog
     from twin.identify.problem import Unknown
-    from twin.scenario import Case, Node, ScenarioSpec
 
 
 class Replay(Component):
@@ -47,7 +45,7 @@ def member_name(number: int) -> str:
     return f"recorded {number + 1}"
 
 
-def driven(case: Case, catalog: Catalog, signals: Sequence[str]) -> Case:
+def with_recorded_inputs(case: Case, catalog: Catalog, signals: Sequence[str]) -> Case:
     """The case with recorded members that replace `signals`: outputs that others read, or inputs.
 
     TwinError if one of them is read by nothing.
@@ -142,7 +140,7 @@ def catalog_of(case: Case, catalog: Catalog) -> Catalog:
     return {name: own if member.made is Replay else catalog[name] for name, member in case.members.items()}
 
 
-def overruled(scenario: ScenarioSpec, case: Case, unknowns: list[Unknown]) -> list[str]:
+def fixed_in_scenario(scenario: ScenarioSpec, case: Case, unknowns: list[Unknown]) -> list[str]:
     """Where a scenario's member says itself what is looked for: there a parameter set does not count."""
     problems = []
     for unknown in unknowns:

@@ -11,16 +11,14 @@ from twin.scenario import Keys, Period, Reference, Seed, Text, Time, Value
 Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]  # as scipy.optimize.least_squares calls them
 
 
-def files(value: Any) -> Any:
-    """A list of files, also of one, also if only its path is given."""
-    return [
-        {"file": item} if isinstance(item, str) else item for item in (value if isinstance(value, list) else [value])
-    ]
+def shorthand(key: str, kind: type = str) -> BeforeValidator:
+    """Return the validator of a group that may be given by the value of one key alone, of this type."""
+    return BeforeValidator(lambda value: {key: value} if isinstance(value, kind) else value)
 
 
-def signal(value: Any) -> Any:
-    """A signal, also if only its name is given."""
-    return {"signal": value} if isinstance(value, str) else value
+def listed(value: Any) -> Any:
+    """A list, also of a single item."""
+    return value if isinstance(value, list) else [value]
 
 
 def probability(value: Any) -> Any:
@@ -41,12 +39,7 @@ class ColumnKeys(Keys):
     unit: Text = ""
 
 
-def column(value: Any) -> Any:
-    """A column, also if only its name is given."""
-    return {"name": value} if isinstance(value, str) else value
-
-
-Columns = dict[Text, Annotated[ColumnKeys, BeforeValidator(column)]]
+Columns = dict[Text, Annotated[ColumnKeys, shorthand("name")]]
 
 
 class ColumnsKeys(Keys):
@@ -119,9 +112,9 @@ class RecordingKeys(Keys):
     seed: Seed | None = None
     step: Period | None = None
     set: dict[Text, Value] = Field(default_factory=dict)
-    data: Annotated[list[FileKeys], BeforeValidator(files)] = Field(default_factory=list)
-    inputs: dict[Text, Annotated[InputKeys, BeforeValidator(signal)]] = Field(default_factory=dict)
-    outputs: dict[Text, Annotated[OutputKeys, BeforeValidator(signal)]] = Field(default_factory=dict)
+    data: Annotated[list[Annotated[FileKeys, shorthand("file")]], BeforeValidator(listed)] = Field(default_factory=list)
+    inputs: dict[Text, Annotated[InputKeys, shorthand("signal")]] = Field(default_factory=dict)
+    outputs: dict[Text, Annotated[OutputKeys, shorthand("signal")]] = Field(default_factory=dict)
     start: Time | None = Field(None, alias="from")
     stop: Time | None = Field(None, alias="to")
     fit: dict[Text, RangeKeys] = Field(default_factory=dict)

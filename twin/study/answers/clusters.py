@@ -14,9 +14,8 @@ from twin.study.design import SAMPLED
 from twin.study.execution.case_engine import DONE
 
 if TYPE_CHECKING:
+    from twin.arrays import Array
     from twin.study.execution.case_table import CaseTable
-
-    Array = np.ndarray[Any, Any]
 
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 MOST = 3  # factors that are named

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import stats
 
-from twin.study.design import SAMPLED
+from twin.study.design import SAMPLED, Study
 
 if TYPE_CHECKING:
-    from twin.study.design import Study
+    from twin.arrays import Array
     from twin.study.execution.case_table import CaseTable
-
-    Array = np.ndarray[Any, Any]
 
 INDEPENDENT_SAMPLES = ("latin_hypercube", "sobol", "random")  # of which an interval of the mean has a meaning
 MIN_SAMPLES = 10  # for an interval

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import stats
 
 from twin.installed import import_optional
-from twin.study.design import SAMPLED, problem
+from twin.study.design import Study, problem
 
 if TYPE_CHECKING:
-    from twin.study.design import Study
+    from twin.arrays import Array
     from twin.study.execution.case_table import CaseTable
-
-    Array = np.ndarray[Any, Any]
 
 RESAMPLES = 200
 FEWEST = 8  # samples from which ranks tell anything
@@ -68,21 +66,16 @@ def drivers(cases: CaseTable) -> list[MetricSensitivity]:
     if not study.factors or study.design.method == "one_at_a_time":
         return []
     results = []
-    for metric in study.metrics.values():
-        values = cases.metric(metric.name)
-        for variant in study.variants:
-            case_indices = cases.where(SAMPLED, variant)
-            if (metric.variants and variant not in metric.variants) or len(case_indices) < FEWEST:
-                continue
-            metric_sensitivity = driven(
-                study, metric.name, variant, cases.values[case_indices][:, : len(study.factors)], values[case_indices]
-            )
-            if metric_sensitivity is not None:
-                results.append(metric_sensitivity)
-    return results
+    for metric, variant, own in cases.by_metric():
+        if len(own) >= FEWEST:
+            inputs = cases.values[own][:, : len(study.factors)]
+            results.append(metric_sensitivity(study, metric.name, variant, inputs, cases.metric(metric.name)[own]))
+    return [result for result in results if result is not None]
 
 
-def driven(study: Study, metric: str, variant: str, inputs: Array, output: Array) -> MetricSensitivity | None:
+def metric_sensitivity(
+    study: Study, metric: str, variant: str, inputs: Array, output: Array
+) -> MetricSensitivity | None:
     """What drives one metric of a variant; None if it is the same everywhere."""
     good = np.isfinite(output)
     if good.sum() < FEWEST or np.ptp(output[good]) == 0.0:
@@ -100,7 +93,7 @@ def driven(study: Study, metric: str, variant: str, inputs: Array, output: Array
         return MetricSensitivity(metric, variant, *(sobol if kind == "sensitivity" else morris)(study, output), note)
     seeds = len(study.seeds(1))
     effects = [
-        ranked(factor.name, inputs[good, k], output[good], study.keys.confidence, seeds)
+        rank_correlation(factor.name, inputs[good, k], output[good], study.keys.confidence, seeds)
         for k, factor in enumerate(study.factors)
     ]
     return MetricSensitivity(metric, variant, "rank", by_size(effects))
@@ -116,7 +109,7 @@ def half_width(confidence: float) -> float:
     return float(stats.norm.ppf((1 + confidence) / 2))
 
 
-def ranked(name: str, values: Array, output: Array, confidence: float = 0.95, seeds: int = 1) -> Effect:
+def rank_correlation(name: str, values: Array, output: Array, confidence: float = 0.95, seeds: int = 1) -> Effect:
     """Spearman's rank correlation, with the interval of Fisher's z (Bonett and Wright, Psychometrika 65, 2000).
 
     `seeds`: cases of each sample, which are not independent. The inner end of a correlation of 1 is that of the next smaller one, which two neighboring ranks in reverse order give.
@@ -135,7 +128,7 @@ def ranked(name: str, values: Array, output: Array, confidence: float = 0.95, se
     return Effect(name, rho, interval, p_value=2 * float(stats.norm.sf(abs(z) / deviation)))
 
 
-def around(value: float, half: float) -> tuple[float, float]:
+def interval(value: float, half: float) -> tuple[float, float]:
     """Interval of a value, with half its width."""
     return value - half, value + half
 
@@ -165,9 +158,9 @@ def sobol(study: Study, output: Array) -> tuple[str, tuple[Effect, ...]]:
         Effect(
             name,
             first,
-            around(first, first_half),
+            interval(first, first_half),
             total,
-            around(total, half),
+            interval(total, half),
             p_value(total, half, study.keys.confidence),
         )
         for name, first, first_half, total, half in rows
@@ -190,7 +183,7 @@ def morris(study: Study, output: Array) -> tuple[str, tuple[Effect, ...]]:
     names = [factor.name for factor in study.factors]
     rows = zip(names, *(np.asarray(indices[key]).tolist() for key in ("mu_star", "mu_star_conf", "sigma")), strict=True)
     effects = [
-        Effect(name, mean, around(mean, half), sigma, p_value=p_value(mean, half, study.keys.confidence))
+        Effect(name, mean, interval(mean, half), sigma, p_value=p_value(mean, half, study.keys.confidence))
         for name, mean, half, sigma in rows
     ]
     return "morris", tuple(sorted(effects, key=lambda effect: -effect.first))
@@ -203,20 +196,14 @@ def changes(cases: CaseTable) -> list[Change]:
         return []
     values = cases.values
     rows = []
-    for metric in study.metrics.values():
-        table = cases.metric(metric.name)
-        for variant in study.variants:
-            if metric.variants and variant not in metric.variants:
+    for metric, variant, own in cases.by_metric():
+        table, requests = cases.metric(metric.name), cases.requests
+        before = {requests[i].seed: float(table[i]) for i in own if requests[i].sample == 1}
+        for i in own:
+            if requests[i].sample == 1:
                 continue
-            case_indices = cases.where(SAMPLED, variant)
-            before = {cases.requests[i].seed: float(table[i]) for i in case_indices if cases.requests[i].sample == 1}
-            for i in case_indices:
-                if cases.requests[i].sample == 1:
-                    continue
-                (k,) = np.flatnonzero(np.isfinite(values[i, : len(study.factors)]))
-                factor, request = study.factors[int(k)], cases.requests[i]
-                own = before.get(request.seed, float("nan"))
-                rows.append(
-                    Change(metric.name, variant, factor.name, float(values[i, k]), request.number, float(table[i]), own)
-                )
+            (k,) = np.flatnonzero(np.isfinite(values[i, : len(study.factors)]))
+            name, request, value = study.factors[int(k)].name, requests[i], float(values[i, k])
+            nominal = before.get(request.seed, float("nan"))
+            rows.append(Change(metric.name, variant, name, value, request.number, float(table[i]), nominal))
     return rows

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import stats
 
 from twin import clock
-from twin.study.design import SAMPLED, is_cut
+from twin.study.design import SAMPLED, Study, is_cut
 from twin.study.execution.case_engine import DONE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from twin.arrays import Array
     from twin.results import Expectation, Metric
-    from twin.study.design import Study
     from twin.study.execution.case_table import CaseTable
-
-    Array = np.ndarray[Any, Any]
 
 FAMILY_LEVEL = 0.05  # probability that any of the named causes is none
 
@@ -91,16 +89,10 @@ def largest_p_value(p_values: Iterable[float], level: float = FAMILY_LEVEL) -> f
 
 def quantile(values: Array, part: float, confidence: float) -> Quantile:
     """A quantile with an interval between two order statistics: whatever the distribution is."""
-    ordered = np.sort(values)
-    count = len(ordered)
-    if not count:
+    if not len(values):
         return Quantile(part, np.nan, np.nan, np.nan)
-    # number of values below the quantile: binomial
-    below = stats.binom(count, part)
-    first, last = int(below.ppf((1 - confidence) / 2)) - 1, int(below.ppf((1 + confidence) / 2))
-    low = ordered[first] if first >= 0 else np.nan
-    high = ordered[last] if last < count else np.nan
-    return Quantile(part, float(np.quantile(ordered, part)), float(low), float(high))
+    interval = stats.quantile_test(values, p=part).confidence_interval(confidence)
+    return Quantile(part, float(np.quantile(values, part)), float(interval.low), float(interval.high))
 
 
 def wilson(met: int, count: int, confidence: float) -> tuple[float, float]:
@@ -113,36 +105,28 @@ def wilson(met: int, count: int, confidence: float) -> tuple[float, float]:
 
 def metric_distributions(cases: CaseTable) -> list[MetricDistribution]:
     """Every metric of every variant, over the samples."""
-    study, table = cases.study, cases.metrics
+    study = cases.study
     numbers = np.array([request.number for request in cases.requests])
     distributions = []
-    for metric in study.metrics.values():
-        k = list(study.scenario.metrics).index(metric.name)
-        for variant in study.variants:
-            if metric.variants and variant not in metric.variants:
-                continue
-            own = np.array(cases.where(SAMPLED, variant), int)
-            values = table[own, k]
-            good = np.isfinite(values)
-            if not good.any():
-                continue
-            finite_values, named = values[good], numbers[own][good]
-            ends = [
-                (int(named[i]), float(finite_values[i]))
-                for i in (int(np.argmin(finite_values)), int(np.argmax(finite_values)))
-            ]
-            distributions.append(
-                MetricDistribution(
-                    metric.name,
-                    variant,
-                    len(finite_values),
-                    len(values) - len(finite_values),
-                    float(finite_values.mean()),
-                    float(finite_values.std(ddof=1)) if len(finite_values) > 1 else float("nan"),
-                    tuple(quantile(finite_values, part, study.keys.confidence) for part in study.keys.quantiles),
-                    *ends,
-                )
+    for metric, variant, own in cases.by_metric():
+        values = cases.metric(metric.name)[own]
+        good = np.isfinite(values)
+        if not good.any():
+            continue
+        finite_values, named = values[good], numbers[own][good]
+        ends = [(int(named[i]), float(finite_values[i])) for i in (finite_values.argmin(), finite_values.argmax())]
+        distributions.append(
+            MetricDistribution(
+                metric.name,
+                variant,
+                len(finite_values),
+                len(values) - len(finite_values),
+                float(finite_values.mean()),
+                float(finite_values.std(ddof=1)) if len(finite_values) > 1 else float("nan"),
+                tuple(quantile(finite_values, part, study.keys.confidence) for part in study.keys.quantiles),
+                *ends,
             )
+        )
     return distributions
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +11,6 @@ import numpy as np
 from twin.results import common_format
 from twin.study.answers import clusters as failing
 from twin.study.answers import paired, sensitivity, statistics
-from twin.study.design import SAMPLED
 
 if TYPE_CHECKING:
     from twin.study.answers.clusters import FailureCluster
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from twin.study.answers.statistics import LeftOut, MetricDistribution, PassRate
     from twin.study.design import KeepKeys
     from twin.study.execution.case_table import CaseTable
-
-    Array = np.ndarray[Any, Any]
 
 
 class Answers:
@@ -95,21 +93,14 @@ class Answers:
             {
                 "cases": len(self.cases.rows),
                 "failed": self.failed,
-                "metrics": [
-                    {**vars(spread), "quantiles": [vars(item) for item in spread.quantiles]} for spread in self.spreads
-                ],
+                "metrics": [asdict(spread) for spread in self.spreads],
                 "expectations": [
-                    {**vars(share), "failing": share.failing[:20], "part": share.part} for share in self.shares
+                    {**asdict(share), "failing": share.failing[:20], "part": share.part} for share in self.shares
                 ],
-                "left_out": [vars(item) for item in self.left_out],
-                "clusters": [
-                    {**vars(cluster), "factors": [vars(item) for item in cluster.factors]} for cluster in self.clusters
-                ],
-                "drivers": [
-                    {**vars(driver), "effects": [vars(item) for item in driver.effects]} for driver in self.drivers
-                ],
-                "changes": [vars(change) for change in self.changes],
-                "pairs": [vars(pair) for pair in self.pairs],
+                **{
+                    name: [asdict(answer) for answer in getattr(self, name)]
+                    for name in ("left_out", "clusters", "drivers", "changes", "pairs")
+                },
             }
         )
         return summary
@@ -138,16 +129,12 @@ def percent(part: float) -> str:
 
 def noteworthy(cases: CaseTable, keep: KeepKeys) -> list[int]:
     """Numbers of the cases of which the study keeps everything: some that fail, and the worst of each metric and variant."""
-    study = cases.study
     numbers: list[int] = []
     if keep.failed:
         for cluster in failing.clusters(cases):
             numbers += cluster.cases[: keep.failed]
-    if keep.worst:
-        for name in study.metrics:
-            values = cases.metric(name)
-            for variant in study.variants:
-                case_indices = [i for i in cases.where(SAMPLED, variant) if np.isfinite(values[i])]
-                case_indices.sort(key=lambda i: -abs(values[i]))
-                numbers += [cases.requests[i].number for i in case_indices[: keep.worst]]
+    for metric, _, own in cases.by_metric() if keep.worst else ():
+        values = cases.metric(metric.name)
+        finite = sorted((i for i in own if np.isfinite(values[i])), key=lambda i: -abs(values[i]))
+        numbers += [cases.requests[i].number for i in finite[: keep.worst]]
     return list(dict.fromkeys(numbers))

@@ -9,17 +9,14 @@ import numpy as np
 
 from twin import clock
 from twin.results import format_value, si_conversion
-from twin.study.answers.statistics import expectation_name
-from twin.study.answers.summary import percent
-from twin.study.execution.case_engine import DONE
+from twin.study.answers.statistics import MetricDistribution, expectation_name
+from twin.study.answers.summary import Answers, percent
+from twin.study.execution.case_engine import DONE, Row
 
 if TYPE_CHECKING:
     from collections.abc import Container, Iterable
 
-    from twin.study.answers.statistics import MetricDistribution
-    from twin.study.answers.summary import Answers
     from twin.study.design import Factor
-    from twin.study.execution.case_engine import Row
     from twin.study.execution.study_runner import StudyOutcome
 
 ALL = 200  # cases of a study that is shown in whole
@@ -62,26 +59,23 @@ def variants(answers: Answers) -> dict[str, Any]:
     spreads = {(spread.variant, spread.metric): spread for spread in answers.spreads}
     shares = {(share.variant, share.name): share for share in answers.shares}
     judged = list(dict.fromkeys(share.name for share in answers.shares if share.variant in study.variants))
-    rows: list[dict[str, Any]] = []
+    grid = []
     for variant in study.variants:
         cells = [quantiles(answers, name, variant, spreads.get((variant, name))) for name in study.metrics]
         for name in judged:
             own = shares.get((variant, name))
             verdict = "pass" if own and own.part == 1.0 else "fail"
             cells.append(cell(percent(own.part), own.part, verdict) if own else cell("-"))
-        is_bad = any(cell["kind"] == "fail" for cell in cells)
-        rows.append({"name": variant, "unit": "", "meaning": "", "cells": cells, "bad": is_bad})
-    heads = [*columns(answers), *((name, "pass rate", "") for name in judged)]
-    is_worth = len(rows) > 1 and bool(answers.spreads)
-    if len(rows) >= len(heads):
-        return {"of": "variant", "columns": heads, "rows": rows, "worth": is_worth}
-    metric_rows = []
-    for k, (name, unit, meaning) in enumerate(heads):
-        cells = [row["cells"][k] for row in rows]
-        is_bad = any(cell["kind"] == "fail" for cell in cells)
-        metric_rows.append({"name": name, "unit": unit, "meaning": meaning, "cells": cells, "bad": is_bad})
-    names = [(variant, "", "") for variant in study.variants]
-    return {"of": "metric", "columns": names, "rows": metric_rows, "worth": is_worth}
+        grid.append(cells)
+    of, lines, heads = "variant", [(variant, "", "") for variant in study.variants], columns(answers)
+    heads += [(name, "pass rate", "") for name in judged]
+    if len(lines) < len(heads):
+        of, lines, heads, grid = "metric", heads, lines, [list(cells) for cells in zip(*grid, strict=True)]
+    rows = [
+        {"name": name, "unit": unit, "meaning": meaning, "cells": cells, "bad": any(c["kind"] == "fail" for c in cells)}
+        for (name, unit, meaning), cells in zip(lines, grid, strict=True)
+    ]
+    return {"of": of, "columns": heads, "rows": rows, "worth": len(study.variants) > 1 and bool(answers.spreads)}
 
 
 def quantiles(answers: Answers, name: str, variant: str, spread: MetricDistribution | None) -> dict[str, Any]:

@@ -10,17 +10,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from twin.errors import CouplingError
-from twin.scenario import member_seed
-from twin.study.design.factor import Assignment
+from twin.scenario import Case, member_seed
+from twin.study.design.factor import Assignment, Factor
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 
     from twin import clock
     from twin.coupling import Catalog
-    from twin.scenario import Case
-    from twin.study.design.factor import Factor
-    from twin.study.design.request import StudyRequest
+    from twin.study.design.study import StudyRequest
 
 
 class VariantInputs:

@@ -8,20 +8,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.component import unit as units
-from twin.coupling import find
+from twin.coupling import Catalog, find
 from twin.errors import CouplingError
 from twin.results import format_value, si_conversion
-from twin.scenario import EventSpec, number, resolve
+from twin.scenario import Case, EventSpec, number, resolve
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from twin import clock
-    from twin.coupling import Catalog
-    from twin.scenario import Case
-    from twin.study.design.distribution import Distribution
-
-    Array = np.ndarray[Any, Any]
+    from twin.arrays import Array
+    from twin.study.design.sampling import Distribution
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
+from twin.identify import listed, shorthand
 from twin.scenario import Keys, Moment, Period, Reference, Seed, Text, Value, first_unit
 
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
-
-
-def several(value: Any) -> Any:
-    """A list, also of one."""
-    return value if isinstance(value, list) else [value]
 
 
 def part(value: Any) -> Any:
@@ -25,9 +21,9 @@ def part(value: Any) -> Any:
 
 
 Part = Annotated[Share, BeforeValidator(part)]
-Parts = Annotated[list[Part], BeforeValidator(several)]
-Names = Annotated[list[Text], BeforeValidator(several)]
-References = Annotated[list[Reference], BeforeValidator(several)]
+Parts = Annotated[list[Part], BeforeValidator(listed)]
+Names = Annotated[list[Text], BeforeValidator(listed)]
+References = Annotated[list[Reference], BeforeValidator(listed)]
 Pair = Annotated[list[Value], Field(min_length=2, max_length=2)]
 
 
@@ -93,15 +89,10 @@ class SignalKeys(Keys):
     unit: Text = ""
 
 
-def signal(value: Any) -> Any:
-    """A signal, also if only its name is given."""
-    return {"signal": value} if isinstance(value, str) else value
-
-
 class KeepKeys(Keys):
     """What is kept besides metrics. `bands`: of all cases; whole recordings of the `worst` of each metric, of some `failed`."""
 
-    bands: dict[Text, Annotated[SignalKeys, BeforeValidator(signal)]] = Field(default_factory=dict)
+    bands: dict[Text, Annotated[SignalKeys, shorthand("signal")]] = Field(default_factory=dict)
     every: Period = 50_000_000
     failed: Annotated[int, Field(strict=True, ge=0, le=1000)] = 0
     worst: Annotated[int, Field(strict=True, ge=0, le=1000)] = 0

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import CouplingError, ScenarioError
-from twin.identify import read_estimate
+from twin.identify import ValueReader, read_estimate
 from twin.results import expression
 from twin.run import resolve_catalogs
 from twin.scenario import (
-    KeyFile,
+    ScenarioSpec,
     check_events,
     event_problems,
     load_scenario,
@@ -22,19 +22,15 @@ from twin.scenario import (
     number,
     read,
     scenario_paths,
-    short,
     validate,
 )
-from twin.study.design.distribution import Distribution, wrong_numbers
 from twin.study.design.factor import Assignment, Factor, limit_in_si, unit_of
 from twin.study.design.keys import FactorKeys, StudyKeys
-from twin.study.design.request import is_cut
-from twin.study.design.sampling import INDEPENDENT, LISTED, design
-from twin.study.design.study import Knob, Limit, Study
+from twin.study.design.sampling import INDEPENDENT, LISTED, Distribution, design, wrong_numbers
+from twin.study.design.study import Knob, Limit, Study, is_cut
 
 if TYPE_CHECKING:
     from twin.coupling import Catalog
-    from twin.scenario import ScenarioSpec
 
 DISTRIBUTIONS = ("uniform", "log_uniform", "normal", "log_normal", "values", "grid")
 EXAMPLE = "uniform: [50 /min, 100 /min]"
@@ -47,7 +43,7 @@ def load_study(path: str | Path) -> Study:
     return StudyLoader(scenario_paths.located(path, "study")).study()
 
 
-class StudyLoader(KeyFile):
+class StudyLoader(ValueReader):
     """The keys of a study file with where they stand; `problems` grow on the way."""
 
     def __init__(self, path: Path) -> None:
@@ -68,10 +64,10 @@ class StudyLoader(KeyFile):
         self.catalog = self._catalog(self.catalogs)
         factors = [self._factor(name, factor_keys) for name, factor_keys in keys.vary.items()]
         factors += self._estimates()
-        self._refuse_twice([factor for factor in factors if factor])
-        self._refuse_metrics()
-        self.stop_if_wrong()
         valid_factors = [factor for factor in factors if factor]
+        self._refuse_twice(valid_factors)
+        self._refuse_metrics(valid_factors)
+        self.stop_if_wrong()
         correlation = self._correlation(valid_factors)
         self._refuse_method(valid_factors, correlation)
         self._refuse_times(valid_factors)
@@ -304,7 +300,7 @@ class StudyLoader(KeyFile):
                 )
         return parsed
 
-    def _refuse_metrics(self) -> None:
+    def _refuse_metrics(self, factors: list[Factor]) -> None:
         """Metrics, expectations and variants that searches name and the scenario lacks."""
         keys, metrics = self.keys, list(self.scenario.metrics)
         for i, name in enumerate(keys.metrics):
@@ -321,7 +317,7 @@ class StudyLoader(KeyFile):
                 self.add_problem(f"there is no variant `{own}`.{nearest(own, self.variants)}", key, "variant")
             elif search.metric in metrics and (missing := self._why_no_value(search.metric, own)):
                 self.add_problem(missing, key, "metric")
-        if keys.worst and any(factor.distribution.levels for factor in self._sampled()):
+        if keys.worst and any(factor.distribution.levels for factor in factors):
             self.add_problem("a factor with `values` cannot be searched. Give it a distribution.", "worst")
 
     def _why_no_value(self, name: str, variant: str) -> str:
@@ -333,13 +329,6 @@ class StudyLoader(KeyFile):
             return f"the cases end before the window of `{name}`. Raise stop_time."
         return ""
 
-    def _sampled(self) -> list[Factor]:
-        """Factors of the file, without telling their problems again."""
-        before = list(self.problems)
-        factors = [factor for name, keys in self.keys.vary.items() if (factor := self._factor(name, keys))]
-        self.problems = before
-        return factors
-
     def _knobs(self) -> list[Knob]:
         factors = []
         for name, knob in (self.keys.tune.knobs if self.keys.tune else {}).items():
@@ -350,16 +339,10 @@ class StudyLoader(KeyFile):
             except CouplingError as error:
                 self.add_problem(error, *path)
                 continue
-            low, high = self._number(knob.low, unit, *path, "from"), self._number(knob.high, unit, *path, "to")
-            if not low < high:
-                self.add_problem(f"from {short(knob.low)} is not below to {short(knob.high)}. Swap them.", *path)
-                continue
-            if knob.scale == "log" and low <= 0:
-                self.add_problem(f"from {short(knob.low)} is not above zero, as scale: log needs it. Raise it.", *path)
-                continue
-            span = Distribution("log_uniform" if knob.scale == "log" else "uniform", (low, high))
-            factor = Factor(name, sets, (), span, unit, knob.stated_unit or display, "tuned")
-            factors.append(Knob(factor, low, high, knob.scale == "log"))
+            if bounds := self.bounds(knob, unit, *path):
+                span = Distribution("log_uniform" if knob.scale == "log" else "uniform", bounds)
+                factor = Factor(name, sets, (), span, unit, knob.stated_unit or display, "tuned")
+                factors.append(Knob(factor, *bounds, knob.scale == "log"))
         return factors
 
     def _limits(self) -> list[Limit]:

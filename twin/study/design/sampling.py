@@ -1,4 +1,4 @@
-"""Where in their distributions the factors are, sample by sample: a table of parts of one, and of values."""
+"""Distributions of factors by their quantile functions, and samples of them: a table of parts of one, and of values."""
 
 from __future__ import annotations
 
@@ -10,14 +10,118 @@ import numpy as np
 
 from twin.errors import ScenarioError
 from twin.installed import import_optional
-from twin.study.design.distribution import part_below, score
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from twin.arrays import Array
     from twin.study.design.factor import Factor
 
-    Array = np.ndarray[Any, Any]
+TAIL = 0.01  # part that is left out at an open end where a design wants both ends of a factor
+
+
+def score(u: Array) -> Array:
+    """Normal scores of parts of one. Imported when needed: the processes that run cases draw nothing."""
+    from scipy import special
+
+    return np.asarray(special.ndtri(u))
+
+
+def part_below(z: Any) -> Array:
+    """Parts of one of normal scores."""
+    from scipy import special
+
+    return np.asarray(special.ndtr(z))
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """A kind with its two numbers, truncated to (low, high); or some values that are equally likely (kind `values`)."""
+
+    kind: str
+    numbers: tuple[float, ...]
+    low: float = -np.inf
+    high: float = np.inf
+
+    @property
+    def levels(self) -> tuple[float, ...]:
+        """The values, if there are only some."""
+        return self.numbers if self.kind == "values" else ()
+
+    @property
+    def is_normal(self) -> bool:
+        """Whether values or their logarithms are normal, with open ends; else they are uniform."""
+        return self.kind.endswith("normal")
+
+    @property
+    def is_log(self) -> bool:
+        """Whether logarithms are distributed so."""
+        return self.kind.startswith("log")
+
+    @property
+    def width(self) -> float:
+        """Standard deviation or distance of the ends; of logarithms as a ratio."""
+        first, second = self.numbers
+        if self.is_normal:
+            return second
+        return second / first if self.is_log else second - first
+
+    def below(self, value: float) -> float:
+        """Part of the whole distribution below a value."""
+        first = self.numbers[0]
+        if self.is_log and value <= 0:
+            return 0.0
+        distance = np.log(value / first) / np.log(self.width) if self.is_log else (value - first) / self.width
+        return float(part_below(distance) if self.is_normal else distance)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Parts of the whole distribution that are below its two ends."""
+        first = self.below(self.low) if np.isfinite(self.low) else 0.0
+        last = self.below(self.high) if np.isfinite(self.high) else 1.0
+        return max(first, 0.0), min(last, 1.0)
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Parts between which a design takes values that wants both ends: not the infinite ones."""
+        return (
+            TAIL if self.is_normal and not np.isfinite(self.low) else 0.0,
+            1.0 - TAIL if self.is_normal and not np.isfinite(self.high) else 1.0,
+        )
+
+    def values(self, parts: Array) -> Array:
+        """Values at parts (0 to 1) of the truncated distribution."""
+        parts = np.asarray(parts)
+        if self.levels:
+            index = np.minimum((parts * len(self.numbers)).astype(int), len(self.numbers) - 1)
+            return np.asarray(np.asarray(self.numbers)[index])
+        first, last = self.span
+        parts = first + (last - first) * parts
+        distances = score(parts) if self.is_normal else parts
+        begin = self.numbers[0]
+        quantiles = begin * self.width**distances if self.is_log else begin + self.width * distances
+        return np.asarray(np.clip(quantiles, self.low, self.high))
+
+
+def wrong_numbers(kind: str, numbers: list[float], low: float, high: float) -> str:
+    """What is wrong with the numbers of a distribution."""
+    if kind == "values":
+        return "" if numbers else "has no values. Give some."
+    first, second = numbers
+    if kind in ("uniform", "log_uniform") and not first < second:
+        return f"{kind} from {first:g} to {second:g} is empty. Swap them."
+    if kind == "log_uniform" and first <= 0:
+        return f"{kind} begins at {first:g}, which has no logarithm. Begin above zero."
+    if kind == "normal" and second <= 0:
+        return f"standard deviation {second:g} is not above zero. Correct it."
+    if kind == "log_normal" and (first <= 0 or second <= 1):
+        return (
+            f"log_normal needs a median above 0 and a geometric standard deviation above 1, not {first:g}, {second:g}."
+        )
+    if not low < high:
+        return f"from {low:g} is not below to {high:g}. Swap them."
+    start, end = Distribution(kind, (first, second), low, high).span
+    return "" if end - start > 1e-9 else "nothing of the distribution is between `from` and `to`. Widen them."
 
 
 @dataclass(frozen=True)
@@ -31,7 +135,7 @@ class Design:
     values: Array
 
 
-def latin_hypercube(count: int, factors: Sequence[Factor], seed: int) -> Array:
+def latin_hypercube(count: int, factors: Sequence[Factor], seed: int | np.random.Generator) -> Array:
     """One sample in each of `count` slices of every factor."""
     from scipy.stats import qmc
 

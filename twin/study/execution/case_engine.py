@@ -9,35 +9,30 @@ from __future__ import annotations
 
 import base64
 import time
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from twin import clock
+from twin.arrays import Array
 from twin.coupling import (
+    Catalog,
     CoSimulation,
     MemoryRecorder,
     RecordMember,
+    SavedState,
     restore_state,
     save_state,
     serialization_problems,
 )
 from twin.errors import SimulationError, TwinError
-from twin.results import Signals, evaluate, expression, list_names
+from twin.results import Expression, Signals, evaluate, expression, list_names
 from twin.run import apply_analyses, build_simulation, noop, recorded_signals, resolve_catalogs, run_case
-from twin.scenario import Backend, load_scenario
+from twin.scenario import Backend, Case, RecordSpec, ScenarioSpec, load_scenario
 from twin.study.design import CommonPrefixes, Factor, StudyRequest, VariantInputs, is_cut
-
-if TYPE_CHECKING:
-    from collections.abc import Hashable, Mapping, Sequence
-    from pathlib import Path
-
-    from twin.coupling import Catalog, SavedState
-    from twin.results import Expression
-    from twin.scenario import Case, RecordSpec, ScenarioSpec
-
-    Array = np.ndarray[Any, Any]
 
 BUFFER_BYTES = 1 << 20
 DONE, FAILED = "done", "failed"

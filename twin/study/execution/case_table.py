@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import ScenarioError
+from twin.study.design import SAMPLED, Study, StudyRequest
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from twin.study.design import Study, StudyRequest
+    from twin.arrays import Array
+    from twin.results import Metric
     from twin.study.execution.case_engine import Row
     from twin.study.execution.journal import StudyJournal
-
-    Array = np.ndarray[Any, Any]
 
 NAME, BANDS = "cases.parquet", "bands.parquet"
 HOLDS = "holds: "
@@ -43,12 +43,9 @@ class CaseTable:
     @property
     def metrics(self) -> Array:
         """Metrics, (n, m), in the order of the scenario."""
-        names = list(self.study.scenario.metrics)
-        table = np.full((len(self.rows), len(names)), np.nan)
-        for i, row in enumerate(self.rows):
-            for k, value in enumerate(row.metrics):
-                table[i, k] = np.nan if value is None else value
-        return table
+        count = len(self.study.scenario.metrics)
+        values = [row.metrics or (None,) * count for row in self.rows]
+        return np.array(values, np.float64).reshape(len(self.rows), count)
 
     def metric(self, name: str) -> Array:
         """One metric, (n,)."""
@@ -66,8 +63,15 @@ class CaseTable:
             i for i, request in enumerate(self.requests) if request.part == part and variant in ("", request.variant)
         ]
 
+    def by_metric(self) -> Iterator[tuple[Metric, str, list[int]]]:
+        """Yield each metric that is reported with each variant that has it, and the row indices of its samples."""
+        for metric in self.study.metrics.values():
+            for variant in self.study.variants:
+                if not metric.variants or variant in metric.variants:
+                    yield metric, variant, self.where(SAMPLED, variant)
 
-def together(study: Study, requests: Sequence[StudyRequest], journal: StudyJournal) -> CaseTable:
+
+def finished_cases(study: Study, requests: Sequence[StudyRequest], journal: StudyJournal) -> CaseTable:
     """Return the finished cases, sorted by number."""
     done = sorted(
         (request for request in requests if request.number in journal.rows), key=lambda request: request.number
@@ -79,33 +83,34 @@ def columns(cases: CaseTable) -> list[tuple[str, Any, Any, str]]:
     """Name, values, type and unit of each column."""
     import pyarrow as pa
 
-    study, requests, rows = cases.study, cases.requests, cases.rows
-    fields: list[tuple[str, Any, Any, str]] = [
-        ("case", [request.number for request in requests], pa.int64(), ""),
-        ("part", [request.part for request in requests], pa.string(), ""),
-        ("sample", [request.sample for request in requests], pa.int64(), ""),
-        ("variant", [request.variant for request in requests], pa.string(), ""),
-        ("seed", [request.seed for request in requests], pa.int64(), ""),
-    ]
-    values = cases.values
-    for i, factor in enumerate(study.all_factors):
-        scenario_s = [None if np.isnan(value) else float(value) for value in values[:, i]]
-        fields.append((factor.name, scenario_s, pa.float64(), factor.unit))
-    metrics = cases.metrics
-    for i, metric in enumerate(study.scenario.metrics.values()):
-        own = [None if np.isnan(value) else float(value) for value in metrics[:, i]]
-        fields.append((metric.name, own, pa.float64(), f"SI, shown in {metric.unit}" if metric.unit else ""))
-    holds = cases.holds
-    for i, expectation in enumerate(study.scenario.expectations):
-        fields.append(
-            (f"{HOLDS}{expectation.name or expectation.metric or i + 1}", [row[i] for row in holds], pa.bool_(), "")
-        )
+    study, holds = cases.study, cases.holds
+    integer, number, text = pa.int64(), pa.float64(), pa.string()
+
+    def of(items: Sequence[Any], field: str, kind: Any, name: str = "", unit: str = "") -> tuple[str, Any, Any, str]:
+        return name or field, [getattr(item, field) for item in items], kind, unit
+
     return [
-        *fields,
-        ("status", [row.status for row in rows], pa.string(), ""),
-        ("why", [row.why for row in rows], pa.string(), ""),
-        ("tries", [row.tries for row in rows], pa.int64(), ""),
-        ("seconds", [row.seconds for row in rows], pa.float64(), "s"),
+        of(cases.requests, "number", integer, "case"),
+        of(cases.requests, "part", text),
+        of(cases.requests, "sample", integer),
+        of(cases.requests, "variant", text),
+        of(cases.requests, "seed", integer),
+        *(
+            (factor.name, values, number, factor.unit)
+            for factor, values in zip(study.all_factors, cases.values.T, strict=True)
+        ),
+        *(
+            (metric.name, values, number, f"SI, shown in {metric.unit}" if metric.unit else "")
+            for metric, values in zip(study.scenario.metrics.values(), cases.metrics.T, strict=True)
+        ),
+        *(
+            (f"{HOLDS}{expectation.name or expectation.metric or i + 1}", [row[i] for row in holds], pa.bool_(), "")
+            for i, expectation in enumerate(study.scenario.expectations)
+        ),
+        of(cases.rows, "status", text),
+        of(cases.rows, "why", text),
+        of(cases.rows, "tries", integer),
+        of(cases.rows, "seconds", number, unit="s"),
     ]
 
 
@@ -116,7 +121,9 @@ def write(folder: Path, cases: CaseTable) -> None:
 
     own = columns(cases)
     fields = [pa.field(name, kind, metadata={"unit": unit} if unit else None) for name, _, kind, unit in own]
-    table = pa.table([pa.array(values, kind) for _, values, kind, _ in own], schema=pa.schema(fields))
+    # NaN is no value
+    arrays = [pa.array(values, kind, from_pandas=True) for _, values, kind, _ in own]
+    table = pa.table(arrays, schema=pa.schema(fields))
     parquet.write_table(table, folder / f"{NAME}.part")
     (folder / f"{NAME}.part").replace(folder / NAME)
 

@@ -16,15 +16,14 @@ from typing import TYPE_CHECKING, Any
 from distributed import Client, WorkerPlugin, as_completed
 
 from twin.errors import ScenarioError
-from twin.study.execution.case_engine import FAILED, Row
+from twin.study.execution.case_engine import FAILED, Job, Row
 from twin.study.execution.process_pool import NotReadyError, Process
-from twin.study.execution.study_archive import packed, unpacked
+from twin.study.execution.study_archive import pack, unpack
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from twin.study.design import StudyRequest
-    from twin.study.execution.case_engine import Job
 
 AHEAD = 2  # cases per thread that are on their way
 CONNECTING = 20.0  # time for the scheduler to answer [s]
@@ -41,7 +40,7 @@ class WorkerState(WorkerPlugin):  # type: ignore[misc] # dask has no types
     def setup(self, worker: Any) -> None:
         """Unpack what has come."""
         self.folder = Path(tempfile.mkdtemp(prefix="twin-study-"))
-        self.here = unpacked(self.archive, self.folder, self.job)
+        self.here = unpack(self.archive, self.folder, self.job)
         limit = getattr(worker.memory_manager, "memory_limit", None)
         self.memory = int(limit / max(worker.state.nthreads, 1)) if limit else 0
         self.own = threading.local()
@@ -86,7 +85,7 @@ class WorkerCluster:
             self.client.close()  # type: ignore[no-untyped-call]
             raise ScenarioError(f"--scheduler {address}: has no workers. Start some with `dask worker {address}`.")
         self.name = f"twin-{job.scenario.parent.name}-{id(self)}"
-        self.client.register_plugin(WorkerState(self.name, packed(job, variants), job, timeout), name=self.name)
+        self.client.register_plugin(WorkerState(self.name, pack(job, variants), job, timeout), name=self.name)
 
     @property
     def threads(self) -> int:

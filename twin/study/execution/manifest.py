@@ -9,16 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin import compiler, installed
-from twin.component import PythonComponent, catalog
+from twin.component import Component, PythonComponent, catalog
 from twin.errors import ScenarioError
 from twin.results import run_folder, write_text
-from twin.scenario import members
+from twin.scenario import ScenarioSpec, members
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from twin.component import Component
-    from twin.scenario import ScenarioSpec
     from twin.study.design import Study
 
 NAME = "manifest.json"

@@ -11,17 +11,16 @@ import tempfile
 import threading
 from collections import deque
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from twin.errors import ScenarioError, SimulationError
-from twin.study.execution.case_engine import FAILED, Row
+from twin.study.execution.case_engine import FAILED, Job, Row
 from twin.study.execution.worker import NO_MEMORY
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
     from twin.study.design import StudyRequest
-    from twin.study.execution.case_engine import Job
 
 TRIES = 2
 AHEAD = 2  # groups of requests per process that are taken
@@ -38,16 +37,6 @@ class LostError(SimulationError):
 
 class NotReadyError(ScenarioError):
     """A process cannot begin: no other one would."""
-
-
-class Runner(Protocol):
-    """What runs requests and gives rows, in any order."""
-
-    def run(self, requests: Iterable[StudyRequest]) -> Iterator[Row]:
-        """Rows as they come."""
-
-    def close(self) -> None:
-        """End what it has started; twice does no harm."""
 
 
 class Process:

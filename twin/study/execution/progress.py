@@ -5,15 +5,15 @@ from __future__ import annotations
 import time
 from collections import deque
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from twin.study.design import SAMPLED
-from twin.study.execution.case_engine import DONE
+from twin.study.execution.case_engine import DONE, Row
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
-    from twin.study.execution.case_engine import Row
     from twin.study.execution.journal import StudyJournal
 
 LATEST = 50  # cases by which the rate is measured: earlier ones include the start of processes, or are of another part
@@ -36,17 +36,10 @@ class StudyProgress:
     report: Path | None = None
 
 
-class Listener(Protocol):
-    """Hears how far it is."""
-
-    def __call__(self, progress: StudyProgress, /) -> object:
-        """Take note."""
-
-
 class ProgressReporter:
     """Counts rows and reports progress."""
 
-    def __init__(self, journal: StudyJournal, count: int, listen: Listener) -> None:
+    def __init__(self, journal: StudyJournal, count: int, listen: Callable[[StudyProgress], object]) -> None:
         self.journal, self.count, self.listen = journal, count, listen
         self.part = SAMPLED
         self.report: Path | None = None

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from twin import clock
 from twin.errors import ScenarioError
-from twin.run import RunOptions, resolve_catalogs, run_scenario
-from twin.scenario import Backend, load_scenario, with_events
+from twin.run import RunOptions, RunResult, resolve_catalogs, run_scenario
+from twin.scenario import Backend, ScenarioSpec, load_scenario, with_events
 from twin.study.design import Assignment, Distribution, Factor, option
 from twin.study.execution import case_table, manifest
 from twin.study.execution.case_engine import DONE
-
-if TYPE_CHECKING:
-    from twin.run import RunResult
-    from twin.scenario import ScenarioSpec
 
 STUDY_FILES = (".yaml", ".yml")
 

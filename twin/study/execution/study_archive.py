@@ -11,22 +11,18 @@ import re
 import zipfile
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from twin.errors import ScenarioError
 from twin.scenario import load_scenario
 from twin.store import LOCK
-from twin.study.execution.case_engine import Engine
-
-if TYPE_CHECKING:
-    from twin.study.execution.case_engine import Job
+from twin.study.execution.case_engine import Engine, Job
 
 HERE = "@HERE@"  # in texts: the folder that the archive is unpacked in
 SCENARIO, BUILD = "scenario.yaml", "build"
 NAMED = re.compile(r"(?P<path>(?:/|[A-Za-z]:[\\/])[^\s'\"#,{}\[\]]+\.(?:ya?ml|fmu|csv))")
 
 
-def packed(job: Job, variants: tuple[str, ...]) -> bytes:
+def pack(job: Job, variants: tuple[str, ...]) -> bytes:
     """The archive. What is built for it is kept in a build folder of its own, since others hold far more."""
     files: dict[str, bytes] = {}
     text = job.scenario.read_text(encoding="utf-8")
@@ -66,7 +62,7 @@ def relative(text: str, files: dict[str, bytes]) -> str:
     return NAMED.sub(taken, text)
 
 
-def unpacked(data: bytes, folder: Path, job: Job) -> Job:
+def unpack(data: bytes, folder: Path, job: Job) -> Job:
     """The job as it is in `folder`, where the archive is now."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         for name in archive.namelist():

@@ -21,23 +21,21 @@ from twin.installed import import_optional
 from twin.process import Stop, cores
 from twin.results import link_latest, run_folder, write_text
 from twin.run import noop
-from twin.scenario import Backend, members
+from twin.scenario import Backend, Case, members
 from twin.study.design import SAMPLED, CommonPrefixes, Study, StudyRequest, VariantInputs, load_study
 from twin.study.execution import case_table, manifest
-from twin.study.execution.case_engine import DONE, Engine, Job
+from twin.study.execution.case_engine import DONE, Engine, Job, Row
 from twin.study.execution.journal import NAME as JOURNAL
 from twin.study.execution.journal import StudyJournal
 from twin.study.execution.process_pool import Pool, memory_of_each
-from twin.study.execution.progress import Listener, ProgressReporter, TimeEstimate
+from twin.study.execution.progress import ProgressReporter, StudyProgress, TimeEstimate
 from twin.study.execution.tuning import Tuned, tune
 from twin.study.execution.worst_case_search import WorstCase, search_worst
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
 
-    from twin.scenario import Case
-    from twin.study.execution.case_engine import Row
-    from twin.study.execution.process_pool import Runner
+    from twin.study.execution.cluster import WorkerCluster
 
 COPY = "study.yaml"
 RUNNING = "running"
@@ -76,10 +74,10 @@ class ReportSoFar:
             return None
         from twin.study.answers import PAGE, write_report
 
-        cases = case_table.together(self.outcome.study, requests, self.journal)
+        cases = case_table.finished_cases(self.outcome.study, requests, self.journal)
         done = replace(self.outcome, cases=cases, status=RUNNING, seconds=begin - self.begin)
         write_tables(done, self.journal)
-        manifest.write(done.folder, **{**self.manifest_data, **ended(done)})
+        manifest.write(done.folder, **{**self.manifest_data, **progress_entries(done)})
         write_report(done)
         now = time.perf_counter()
         self._due = now + max(REPORT_PERIOD, (now - begin) / REPORT_SHARE)
@@ -91,7 +89,7 @@ class PendingCases:
 
     def __init__(
         self,
-        runner: Runner,
+        runner: Pool | WorkerCluster,
         journal: StudyJournal,
         reporter: ProgressReporter,
         stop: Stop,
@@ -132,7 +130,7 @@ def run_study(
     timeout: float = 0.0,
     memory: int = 0,
     resume: Path | None = None,
-    listen: Listener = noop,
+    listen: Callable[[StudyProgress], object] = noop,
     command: str = "twin.study.run_study",
     report: bool = True,
 ) -> StudyOutcome:
@@ -145,31 +143,35 @@ def run_study(
     start_time = time.perf_counter()
     workers = workers or cores()
     with Stop() as stop, ExitStack() as stack:
-        folder, manifest_data = placed(study, root, resume, command)
+        folder, manifest_data = prepare_folder(study, root, resume, command)
         journal = stack.enter_context(StudyJournal(folder))
         engine = scheduler or f"{workers} process{'es' * (workers > 1)}"
-        outcome = StudyOutcome(study, folder, case_table.together(study, [], journal), "completed", 0.0, engine=engine)
+        outcome = StudyOutcome(
+            study, folder, case_table.finished_cases(study, [], journal), "completed", 0.0, engine=engine
+        )
         outcome.before, requests = len(journal.rows), list[StudyRequest]()
         outcome.runs = {
             int(number): run for number, run in manifest_data.get("runs", {}).items() if (folder / run).is_dir()
         }
         try:
             with stop.armed():
-                job = prepared(study, folder / manifest_data["frozen"], build)
-            with closing(started(job, study, scheduler, workers, memory or memory_of_each(workers), timeout)) as runner:
+                job = build_job(study, folder / manifest_data["frozen"], build)
+            with closing(
+                start_runner(job, study, scheduler, workers, memory or memory_of_each(workers), timeout)
+            ) as runner:
                 so_far = ReportSoFar(outcome, journal, manifest_data) if report else None
                 cases = PendingCases(runner, journal, ProgressReporter(journal, expected(study), listen), stop, so_far)
                 requests = cases.requests
-                every_part(outcome, cases)
+                run_parts(outcome, cases)
         except KeyboardInterrupt:
             outcome.status = "interrupted"
         except BrokenPipeError:
             raise
         except OSError as error:
             raise SimulationError(unwritten(folder, len(journal.rows), error)) from error
-        outcome.cases = case_table.together(study, requests or list(study.requests()), journal)
+        outcome.cases = case_table.finished_cases(study, requests or list(study.requests()), journal)
         outcome.seconds = time.perf_counter() - start_time
-        finish(outcome, journal, {**manifest_data, **ended(outcome)}, build, stop, report)
+        finish(outcome, journal, {**manifest_data, **progress_entries(outcome)}, build, stop, report)
         link_latest(folder)
         if outcome.status == "completed":  # else it goes on from there
             (folder / JOURNAL).unlink()
@@ -201,9 +203,9 @@ def unwritten(folder: Path, count: int, error: OSError) -> str:
     return f"{folder}: cannot be written ({why}). {count} cases are kept: free some space, then go on with --resume."
 
 
-def placed(study: Study, root: Path, resume: Path | None, command: str) -> tuple[Path, dict[str, Any]]:
+def prepare_folder(study: Study, root: Path, resume: Path | None, command: str) -> tuple[Path, dict[str, Any]]:
     """The study's folder with its files and its manifest, which is given too."""
-    manifest_data = about(study, command)
+    manifest_data = initial_entries(study, command)
     if resume is not None:
         folder = resume
         stored = manifest.refuse_changed(folder, manifest_data["inputs"])
@@ -216,7 +218,7 @@ def placed(study: Study, root: Path, resume: Path | None, command: str) -> tuple
     return folder, manifest_data
 
 
-def prepared(study: Study, frozen: Path, build: Path) -> Job:
+def build_job(study: Study, frozen: Path, build: Path) -> Job:
     """What a process has to know; what the members are made of is built."""
     used = [members.component_of(spec) for case in chosen(study) for spec in case.members.values()]
     members.prebuild(used, Backend.compiled, build, noop)
@@ -225,7 +227,7 @@ def prepared(study: Study, frozen: Path, build: Path) -> Job:
     return Job(frozen.resolve(), options, study.all_factors, bands, every, build.resolve())
 
 
-def every_part(outcome: StudyOutcome, cases: PendingCases) -> None:
+def run_parts(outcome: StudyOutcome, cases: PendingCases) -> None:
     """The samples, then the worst case, then the tuning."""
     study = outcome.study
     cases.run(study.requests(), SAMPLED)
@@ -250,7 +252,7 @@ def estimate_time(study: Study, *, build: Path, workers: int = 0) -> TimeEstimat
     with tempfile.TemporaryDirectory() as folder:
         frozen = Path(folder) / f"{study.scenario.name}.yaml"
         write_text(frozen, study.scenario.frozen())
-        engine = Engine(prepared(study, frozen, build))
+        engine = Engine(build_job(study, frozen, build))
         first = [engine.row(own[0]) for own in requests.values()]  # makes the members, too
         preparation = time.perf_counter() - begin
         rows = {variant: [engine.row(request) for request in own[1:] or own] for variant, own in requests.items()}
@@ -278,7 +280,9 @@ def chosen(study: Study) -> list[Case]:
     return [case for case in study.scenario.variants if case.variant in study.variants]
 
 
-def started(job: Job, study: Study, scheduler: str, workers: int, memory: int, timeout: float) -> Runner:
+def start_runner(
+    job: Job, study: Study, scheduler: str, workers: int, memory: int, timeout: float
+) -> Pool | WorkerCluster:
     """Processes here, or on a cluster."""
     if not scheduler:
         cases, factors = chosen(study), study.all_factors
@@ -290,7 +294,7 @@ def started(job: Job, study: Study, scheduler: str, workers: int, memory: int, t
     return WorkerCluster(job, scheduler, timeout, study.variants)
 
 
-def about(study: Study, command: str) -> dict[str, Any]:
+def initial_entries(study: Study, command: str) -> dict[str, Any]:
     """What is known of a study before its first case."""
     return {
         "study": study.name,
@@ -315,7 +319,7 @@ def about(study: Study, command: str) -> dict[str, Any]:
     }
 
 
-def ended(outcome: StudyOutcome) -> dict[str, Any]:
+def progress_entries(outcome: StudyOutcome) -> dict[str, Any]:
     """What is known after the last one, or so far."""
     rows = outcome.cases.rows
     return {

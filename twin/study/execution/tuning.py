@@ -14,12 +14,11 @@ import numpy as np
 
 from twin.installed import import_optional
 from twin.scenario import member_seed
-from twin.study.design import SAMPLED, Assignment, Study, StudyRequest, design
+from twin.study.design import SAMPLED, Assignment, Limit, Study, StudyRequest, design
 
 if TYPE_CHECKING:
-    from twin.study.design import Limit
     from twin.study.execution.case_engine import Row
-    from twin.study.execution.worst_case_search import CaseEvaluator
+    from twin.study.execution.study_runner import PendingCases
 
 TUNE, UNSEEN = "tune", "unseen"
 STATISTICS: dict[str, Any] = {"mean": np.mean, "median": np.median, "max": np.max, "min": np.min}
@@ -52,7 +51,7 @@ class Tuned:
     last: int
 
 
-def tune(study: Study, cases: CaseEvaluator, number: int) -> Tuned:
+def tune(study: Study, cases: PendingCases, number: int) -> Tuned:
     """Tune; numbers of cases go on from `number`."""
     optuna = import_optional("optuna", "study", "tune")
     keys = study.keys.tune
@@ -68,6 +67,13 @@ def tune(study: Study, cases: CaseEvaluator, number: int) -> Tuned:
     )
     trials = [first]
     last = number
+
+    def evaluate(knobs: tuple[float, ...], values: Any, part: str, index: int) -> Trial:
+        nonlocal last
+        requests = trial_requests(study, variant, knobs, values, part, index, last)
+        last += len(requests)
+        return judged(study, cases.run(requests, part), knobs, part, index)
+
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Optuna tells that constraints are experimental
         optuna.logging.set_verbosity(optuna.logging.ERROR)
@@ -87,19 +93,14 @@ def tune(study: Study, cases: CaseEvaluator, number: int) -> Tuned:
             if knobs == first.knobs:
                 trial = Trial(knobs, first.objective, first.broken, TUNE, index)
             else:
-                requests = trial_requests(study, variant, knobs, study.design.values, TUNE, index, last)
-                last += len(requests)
-                trial = judged(study, cases.run(requests, TUNE), knobs, TUNE, index)
+                trial = evaluate(knobs, study.design.values, TUNE, index)
                 trials.append(trial)
             proposed.set_user_attr("broken", list(trial.broken))
             optimizer.tell(proposed, sign * trial.objective if np.isfinite(trial.objective) else BAD)
     good = [trial for trial in trials if trial.is_feasible]
     best = min(good, key=lambda trial: sign * trial.objective) if good else None
-    unseen = []
-    for k, candidate in enumerate([first, best] if best is not None else [first]):
-        requests = trial_requests(study, variant, candidate.knobs, fresh(study), UNSEEN, k, last)
-        last += len(requests)
-        unseen.append(judged(study, cases.run(requests, UNSEEN), candidate.knobs, UNSEEN, k))
+    candidates = [first, best] if best is not None else [first]
+    unseen = [evaluate(candidate.knobs, fresh(study), UNSEEN, k) for k, candidate in enumerate(candidates)]
     return Tuned(trials, best, unseen, last)
 
 

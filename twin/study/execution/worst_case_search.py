@@ -3,34 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from twin.scenario import member_seed
-from twin.study.design import Study, StudyRequest, valued
+from twin.study.design import Study, StudyRequest, latin_hypercube, valued
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
+    from twin.arrays import Array
     from twin.study.execution.case_engine import Row
-
-    Array = np.ndarray[Any, Any]
+    from twin.study.execution.study_runner import PendingCases
 
 WORST = "worst"
 FAILED_VALUE = 1e100  # what a case without a value counts: nothing is worse, and squares of it do not overflow
 MEMBERS = (8, 40)  # of a generation, at least and at most
 GENERATIONS = 8  # at least, as long as `evaluations` allows
-
-
-class CaseEvaluator(Protocol):
-    """Runs cases, those that are not done yet."""
-
-    def run(self, requests: Iterable[StudyRequest], part: str) -> list[Row]:
-        """Rows in the order of the requests."""
-
-    def completed_row(self, request: StudyRequest) -> Row:
-        """The row of a request that was run."""
 
 
 @dataclass
@@ -55,7 +43,7 @@ class WorstCase:
         return ", which is worse: raise `evaluations` or `inside`" if is_worse else ""
 
 
-def search_worst(study: Study, cases: CaseEvaluator, number: int) -> WorstCase:
+def search_worst(study: Study, cases: PendingCases, number: int) -> WorstCase:
     """Look for the worst case; numbers go on from `number`. Every evaluation has the same seed."""
     from scipy.optimize import differential_evolution
 
@@ -88,7 +76,7 @@ def search_worst(study: Study, cases: CaseEvaluator, number: int) -> WorstCase:
         return np.array(results)
 
     generator = np.random.default_rng(keys.seed)
-    begin = edge + (1.0 - 2.0 * edge) * latin(size, len(study.factors), generator)
+    begin = edge + (1.0 - 2.0 * edge) * latin_hypercube(size, study.factors, generator)
     differential_evolution(
         evaluate,
         [(edge, 1.0 - edge)] * len(study.factors),
@@ -115,14 +103,7 @@ def search_worst(study: Study, cases: CaseEvaluator, number: int) -> WorstCase:
     )
 
 
-def latin(size: int, count: int, generator: np.random.Generator) -> Array:
-    """A Latin hypercube to begin with."""
-    from scipy.stats import qmc
-
-    return np.asarray(qmc.LatinHypercube(count, rng=generator).random(size))
-
-
-def sampled(study: Study, cases: CaseEvaluator, variant: str, column: int) -> list[float]:
+def sampled(study: Study, cases: PendingCases, variant: str, column: int) -> list[float]:
     """The metric in the samples of a variant."""
     rows = [cases.completed_row(request) for request in study.requests() if request.variant == variant]
     return [value for row in rows if row.metrics and (value := row.metrics[column]) is not None]

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
+    from twin.arrays import Array
     from twin.follow.filters import Ensemble, SquareRootFilter
-
-    Array = np.ndarray[Any, Any]
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,0 @@
-"""Derivatives of a model along directions of its state, for filters that need them, and fixed-lag smoothing."""

@@ -1,1 +1,0 @@
-"""Forecasts from an estimate, their keys, and bands as wide as past errors show."""
