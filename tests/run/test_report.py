@@ -58,7 +58,7 @@ def test_table_is_plain_text_within_100_columns() -> None:
     mean, worst = f"{np.mean(std):.1f}", f"{max(std):.1f}"
     assert row.split() == ["PI+FF", "100", "mN", mean, "mN", worst, "mN", "0.14", "±", "20", "%", "FAIL"]
     assert any(line.startswith("pass    error_std: PI ") and line.endswith(f"> PI+FF {mean} mN.") for line in lines)
-    assert any(line.startswith("FAIL    stays <in> band: a.force is 0.25 N at") for line in lines)
+    assert any(line.startswith("FAIL    stays <in> band: 0.25 N, expected") for line in lines)
     assert "other settings" in text(judged(applies=False))
     assert "paper" not in text(evaluate({"m": Metric("m", FORCE, "mean")}, [], tables()))
     assert not text(Evaluation()).strip()
@@ -145,7 +145,7 @@ def test_what_passes_and_what_was_not_judged_is_counted() -> None:
     other = Expectation("of another variant", signal=FORCE, at_least=0.1, variants=("PI+BW",))
     lines = compact({"error_std": METRIC}, [ORDER, LIMIT, other, Expectation("low", signal=FORCE, at_most=9.0)])
     verdicts = lines[[line[0] for line in lines].index("FAIL") :]
-    assert " ".join(verdicts[0]).startswith("FAIL stays <in> band: a.force is 0.25 N at")
+    assert " ".join(verdicts[0]).startswith("FAIL stays <in> band: 0.25 N, expected 0.1 N to 0.22 N; first at")
     rest = [" ".join(line) for line in verdicts if line[0] in ("skipped", "pass")]
     assert rest == [
         'skipped 1 expectation (--verbose says why): "of another variant".',
@@ -258,7 +258,7 @@ def test_the_first_screen_answers() -> None:
         "✗ 2 of 4 requirements failed",
         "1 of 2 published values within their tolerance; twin / paper: 0.14 to 0.98.",
         "It deviates by 14 mN.",
-        '<a href="#expectations">stays &lt;in&gt; band</a>: a.force is 0.25 N',
+        '<a href="#expectations">stays &lt;in&gt; band</a>: 0.25 N',
         "twin view runs/x/2026",
     ):
         assert text in head

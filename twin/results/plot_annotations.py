@@ -12,6 +12,7 @@ import numpy as np
 from twin import clock
 from twin.component import unit as units
 from twin.errors import CouplingError
+from twin.results.evaluation.coverage import join_numbers
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -108,17 +109,6 @@ def draw_events(axis: Any, events: Iterable[EventLine], names: Sequence[str], fa
             clip_on=True,
             zorder=4,
         )
-
-
-def join_numbers(numbers: Iterable[int]) -> str:
-    """Join numbers, consecutive ones as a range: `1-3, 5`."""
-    ranges: list[list[int]] = []
-    for number in sorted(set(numbers)):
-        if ranges and number == ranges[-1][-1] + 1:
-            ranges[-1] = [ranges[-1][0], number]
-        else:
-            ranges.append([number])
-    return ", ".join("-".join(map(str, ends)) for ends in ranges)
 
 
 def wrap_name(name: str, letters: int) -> list[str]:

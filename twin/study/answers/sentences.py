@@ -298,7 +298,7 @@ def effect_text(answers: Answers, driver: MetricSensitivity, effect: Effect) -> 
     """Return the size of an effect: `rank correlation -0.62, 95 % confidence interval -0.90 to -0.10`."""
     level = percent(answers.study.keys.confidence)
     if driver.kind == "morris":
-        own = common_format([effect.first, *effect.first_interval], answers.study.metrics[driver.metric].unit, True)
+        own = common_format([effect.first, *effect.first_interval], answers.formats[driver.metric].unit, True)
         low, high = map(own.number, effect.first_interval)
         return f"mean effect {own.text(effect.first)}, {level} confidence interval {low} to {high}"
     name, key = ("total Sobol index", "total") if driver.kind == "sobol" else ("rank correlation", "first")
