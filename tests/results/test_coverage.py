@@ -57,11 +57,11 @@ def test_equal_limits_are_one_number() -> None:
 @pytest.mark.parametrize(
     ("expectations", "sentences"),
     [
-        ([LIMIT], ["No expectation judges mine."]),
+        ([LIMIT], ["No requirement judges mine."]),
         (
             [LIMIT, Expectation("late", ends="completed")],
             [
-                'mine is not judged by "clinical range". Name it in the variants of that expectation, or add an expectation.'
+                'mine is not judged by "clinical range". Name it in the variants of that requirement, or add a requirement.'
             ],
         ),
         ([LIMIT, Expectation("other", signal=FORCE, at_most=0.5)], []),  # another limit of the same signal
@@ -70,7 +70,7 @@ def test_equal_limits_are_one_number() -> None:
         (
             [replace(LIMIT, variants=("PI",), unlisted=("mine",)), Expectation("", ends="completed")],
             [
-                'mine is not judged by "clinical range". Name it in the variants of that expectation, or add an expectation.'
+                'mine is not judged by "clinical range". Name it in the variants of that requirement, or add a requirement.'
             ],
         ),
     ],

@@ -171,7 +171,7 @@ def command(
 
     Results go to runs/SCENARIO/TIME/: signals.parquet, summary.json, scenario.yaml, report.html.
 
-    Exit code 0 if all expectations are met, 1 if one is not or a member failed, 130 after Ctrl-C. Recorded signals are
+    Exit code 0 if all requirements are met, 1 if one is not or a member failed, 130 after Ctrl-C. Recorded signals are
     kept in each case.
 
     \b

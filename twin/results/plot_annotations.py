@@ -145,7 +145,7 @@ def draw_violation(axis: Any, x: Any, y: Any) -> None:
 
 
 def draw_limits(axis: Any, violation: Violation, factor: float, heights: Iterable[float]) -> None:
-    """Draw the limits of a violated expectation over its window; for a metric of many samples, shade its window."""
+    """Draw the limits of a violated expectation over its window."""
     left, right = axis.get_xlim()
     start, stop = violation.window.start_ns, violation.window.stop_ns
     begin = left if start is None else max(left, clock.seconds(start) * factor)
@@ -156,6 +156,4 @@ def draw_limits(axis: Any, violation: Violation, factor: float, heights: Iterabl
         axis.plot(
             [begin, end], [height, height], color=VIOLATION_COLOR, linewidth=1.0, linestyle=(0, (2, 1.5)), zorder=4
         )
-    if violation.over_time:
-        axis.axvspan(begin, end, color=VIOLATION_COLOR, alpha=0.06, linewidth=0, zorder=0)
     axis.set_xlim(left, right)

@@ -61,12 +61,13 @@ def metric_cells(result: MetricResult, style: MetricFormat) -> dict[str, str]:
     }
 
 
-def list_failures(evaluation: Evaluation) -> list[tuple[str, str]]:
-    """Return name and detail of each failed expectation and each metric outside its tolerance."""
-    failures = [(result.name, result.detail) for result in evaluation.expectation_results if result.verdict == "fail"]
+def list_failures(evaluation: Evaluation) -> list[ExpectationResult]:
+    """Return the failed expectations, and the metrics outside their tolerance as such."""
+    failures = [result for result in evaluation.expectation_results if result.verdict == "fail"]
     for row in filter(is_failure, metric_rows(evaluation.metric_results)):
-        reference = f"; the paper: {row['paper']} {row['tolerance']}" if row["paper"] != "-" else ""
-        failures.append((f"{row['description'] or row['metric']}, {row['variant']}", f"{row['mean']}{reference}"))
+        reference = f", the paper: {row['paper']} {row['tolerance']}" if row["paper"] != "-" else ""
+        name = f"{row['description'] or row['metric']}, {row['variant']}"
+        failures.append(ExpectationResult(name, "fail", f"{row['mean']}{reference}."))
     return failures
 
 
@@ -109,7 +110,7 @@ def results_table(evaluation: Evaluation, verbose: bool = False) -> Group:
 def count_expectations(results: Sequence[ExpectationResult]) -> dict[str, str]:
     """Return a text for the skipped expectations and one for the passed ones, by verdict."""
     names = {verdict: [each.name for each in results if each.verdict == verdict] for verdict in ("skipped", "pass")}
-    subjects = {verdict: f"{len(each)} expectation{'s' * (len(each) > 1)}" for verdict, each in names.items()}
+    subjects = {verdict: f"{len(each)} requirement{'s' * (len(each) > 1)}" for verdict, each in names.items()}
     texts = {
         "skipped": f"{subjects['skipped']} (--verbose says why): {list_names(names['skipped'])}.",
         "pass": f"{subjects['pass']} (--verbose lists {'them' if len(names['pass']) > 1 else 'it'}).",

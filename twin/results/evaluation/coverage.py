@@ -134,7 +134,7 @@ def describe_unjudged(
     judged = [judged_variants(expectation, results, tables) for expectation in expectations]
     compared = {result.variant for result in results if result.verdict in ("pass", "fail", "none")}
     free = [name for name in run if name not in compared and not any(name in names for names in judged)]
-    lines = [f"No expectation judges {list_names(free)}."] if free and expectations else []
+    lines = [f"No requirement judges {list_names(free)}."] if free and expectations else []
     subjects = [(each.metric, each.signal.text if each.signal else None) for each in expectations]
     variants: dict[tuple[str, ...], list[str]] = {}  # by the expectations that leave them out
     for variant in (name for name in run if name not in free):
@@ -156,7 +156,7 @@ def describe_unjudged(
             pronoun = "it" if len(names) == 1 else "them"
             lines.append(
                 f"{list_names(names)} {verb} not judged by {list_names(missed)}. "
-                f"Name {pronoun} in the variants of that expectation, or add an expectation."
+                f"Name {pronoun} in the variants of that requirement, or add a requirement."
             )
     return tuple(lines)
 

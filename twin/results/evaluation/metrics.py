@@ -28,7 +28,7 @@ from twin.results.evaluation.coverage import (
 from twin.results.evaluation.hardware_termination import HardwareTermination, check_termination
 from twin.results.evaluation.metric_format import display_units
 from twin.results.evaluation.ordering import check_order
-from twin.results.evaluation.reduction import is_outside, reduce_samples
+from twin.results.evaluation.reduction import INSTANT_INDEX, is_outside, reduce_samples
 from twin.results.recording.signals import FULL_RUN, Signals, Window, format_value
 
 if TYPE_CHECKING:
@@ -92,6 +92,15 @@ class Expectation:
         """Return the difference of two values in the expected direction, minus the margin."""
         difference = before - after if self.descending else after - before
         return difference - self.margin - self.margin_part * abs(before)
+
+    def judges(self, result: MetricResult) -> bool:
+        """Whether a metric of a variant is judged."""
+        names = self.ordered or self.variants
+        return result.metric.name == self.metric and (not names or result.variant in names)
+
+    def is_aggregate(self, metric: Metric) -> bool:
+        """Whether no single sample violates it: an order, a mean of runs, or a metric of many samples."""
+        return bool(self.ordered) or self.mean or metric.reduce not in INSTANT_INDEX
 
     def shown(self, value: float | None, scale: float = 0.0) -> str:
         """Format a value in the unit of the limits."""
