@@ -42,8 +42,9 @@ def command(
     Exit code 0 if nothing differs by more than the tolerance, else 1, so that a CI job can compare with a reference run.
 
     The first line says whether the runs agree, the second what differs most. Signals and metrics are sorted by relative
-    difference; the signal with the earliest `from` is the likeliest cause. Expectations are of all variants: --variant leaves them out. Runs with different communication
-    steps are compared by interpolation, with a note.
+    difference, each with that of the case in which it is largest and the number of cases (--all lists them); the signal
+    with the earliest `from` is the likeliest cause. Requirements are of all variants: --variant leaves them out. Runs
+    with different communication steps are compared by interpolation, with a note.
 
     \b
     twin compare runs/mine/2026-11-22_08-14-00 runs/mine/latest
@@ -64,20 +65,27 @@ def command(
     for entry in comparison.missing:
         show_text(entry.text(len(entry.names) if everything else MAX_NAMES))
     for problem in comparison.problems[: None if everything else MAX_LISTED]:
-        say(problem)
+        show_text(problem)
     if len(comparison.problems) > MAX_LISTED and not everything:
         say(f"and {len(comparison.problems) - MAX_LISTED} more: use --all")
     differing = comparison.differing
     if differing:
         from rich.text import Text
 
-        several = len({(signal.variant, signal.seed) for signal in comparison.signals}) > 1
-        table = make_table("signal", *["case"] * several, "difference", "from", "relative", left=1 + several)
-        for signal in differing if everything else differing[:MAX_LISTED]:
-            case = [f"{signal.variant}, seed {signal.seed}"] * several
-            table.add_row(*map(Text, (signal.name, *case, signal.text, f"{signal.time:.6g} s", f"{signal.part:.2g}")))
+        rows = {signal.name: [each for each in differing if each.name == signal.name] for signal in differing}
+        listed = differing if everything else [cases[0] for cases in rows.values()]
+        titles = (
+            ["case" if everything else "cases"]
+            if len({(each.variant, each.seed) for each in comparison.signals}) > 1
+            else []
+        )
+        table = make_table("signal", "difference", "from", "relative", *titles, left=1)
+        for signal in listed if everything else listed[:MAX_LISTED]:
+            cases = f"{signal.variant}, seed {signal.seed}" if everything else str(len(rows[signal.name]))
+            texts = (signal.name, signal.text, f"{signal.time:.6g} s", f"{signal.part:.2g}", *[cases] * len(titles))
+            table.add_row(*map(Text, texts))
         open_console().print(table)
-        if len(differing) > MAX_LISTED and not everything:
-            say(f"and {len(differing) - MAX_LISTED} more: use --all")
+        if len(listed) > MAX_LISTED and not everything:
+            say(f"and {len(listed) - MAX_LISTED} more: use --all")
     if not comparison.agrees:
         sys.exit(1)
