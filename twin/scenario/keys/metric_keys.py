@@ -29,6 +29,7 @@ class Builder:
         self.variants = variants
         self.metrics = metrics  # all names in the file, including invalid metrics
         self.problems: list[str] = []
+        self.late_windows: list[tuple[tuple[str | int, ...], str, WindowKeys]] = []  # that begin after the run
 
     def problem(self, path: tuple[str | int, ...], message: str) -> None:
         """Add a problem at a path of the tree."""
@@ -68,13 +69,32 @@ class Builder:
         begin, end = self.keys.start_time, self.end
         start, stop = keys.start, keys.stop
         span = f"outside the run, {clock.text(begin)} to {clock.text(end or 0)}. Change it or stop_time."
-        if start is not None and not (begin <= start and (end is None or start < end)):
+        if start is not None and end is not None and start >= end:
+            self.late_windows.append(((*path, "from"), what, keys))
+        elif start is not None and start < begin:
             self.problem((*path, "from"), f"{what}: from {clock.text(start)} lies {span}")
         elif stop is not None and stop < begin:
             self.problem((*path, "to"), f"{what}: to {clock.text(stop)} lies {span}")
         elif start is not None and stop is not None and stop <= start:
             self.problem((*path, "to"), f"{what}: to is not after from. Swap them.")
         return Window(start, stop)
+
+    def report_late_windows(self) -> None:
+        """Add one problem for all windows that begin after the run, with the stop time that they need."""
+        if not self.late_windows:
+            return
+        path, what, _ = self.late_windows[0]
+        starts = sorted({keys.start for _, _, keys in self.late_windows})
+        needed = max(keys.stop or keys.start for _, _, keys in self.late_windows)
+        more = len(self.late_windows) - 1
+        subject, verb = (f"{what} and {more} more", "lie") if more else (what, "lies")
+        times = " or ".join(map(clock.text, starts))
+        span = f"{clock.text(self.keys.start_time)} to {clock.text(self.end or 0)}"
+        least = "at least" if needed > starts[-1] else "more than"
+        self.problem(
+            path,
+            f"{subject}: from {times} {verb} outside the run, {span}. Change it or set stop_time to {least} {clock.text(needed)}.",
+        )
 
     @property
     def end(self) -> clock.Time | None:
@@ -275,6 +295,7 @@ def figures(
     expectations = tuple(builder.expectation(index, item_keys, metrics) for index, item_keys in enumerate(keys.expect))
     plots = tuple(builder.plot(index, item_keys) for index, item_keys in enumerate(keys.plots))
     analyses = tuple(builder.analysis(name, item_keys) for name, item_keys in keys.analyses.items())
+    builder.report_late_windows()
     return analyses, metrics, expectations, plots, builder.problems
 
 
@@ -285,4 +306,6 @@ def scenes(keys: ScenarioKeys, tree: Node, variants: list[str]) -> tuple[tuple[S
     from twin.scenario.keys.scene_keys import scene
 
     builder = Builder(keys, tree, variants, ())
-    return tuple(scene(builder, index, scene_keys) for index, scene_keys in enumerate(keys.scenes)), builder.problems
+    made = tuple(scene(builder, index, scene_keys) for index, scene_keys in enumerate(keys.scenes))
+    builder.report_late_windows()
+    return made, builder.problems
