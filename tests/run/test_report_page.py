@@ -311,6 +311,21 @@ def test_curves_have_three_quarters_beside_a_scene_and_a_cut_table_says_so(page)
 
 
 @pytest.mark.slow
+def test_the_scene_folds_and_commands_are_whole(page) -> None:
+    """It covers no plot once it is folded; a command is never cut."""
+    page.evaluate("document.body.classList.add('with-films')")
+    page.set_viewport_size({"width": 360, "height": 800})
+    stage = page.locator("details.stage")
+    high = stage.bounding_box()["height"]
+    stage.locator("summary").click()
+    assert stage.bounding_box()["height"] < min(high, 60)
+    for width in (1400, 360):
+        page.set_viewport_size({"width": width, "height": 800})
+        cut = "(all) => all.filter((one) => one.scrollWidth > one.clientWidth + 1 || getComputedStyle(one).textOverflow === 'ellipsis').length"
+        assert page.eval_on_selector_all(".command code", cut) == 0
+
+
+@pytest.mark.slow
 def test_a_drawing_keeps_legible_letters_and_says_that_it_goes_on(browser, tmp_path) -> None:
     svg = picture.draw(dict.fromkeys("abcdefgh", ""), dict.fromkeys(pairwise("abcdefgh"), ()))
     written(tmp_path, structures=[((svg, "remark"), ["PI"])])

@@ -67,11 +67,11 @@ def pass_sentences(answers: Answers) -> list[Sentence]:
     if not missed:
         names = len({rate.name for rate in answers.shares})
         count = max(rate.count for rate in answers.shares)
-        expectations = "the expectation holds" if names == 1 else f"all {names} expectations hold"
+        requirements = "the requirement holds" if names == 1 else f"all {names} requirements hold"
         worst = max(filter(None, (worst_case(answers, rate) for rate in answers.shares)), default=None)
         closest = f"; closest to its limit: case {worst.number}, {worst.text}" if worst else ""
         unit = "samples" if len(answers.study.variants) > 1 else "cases"
-        text = f"{expectations.capitalize()} in each of {count} {unit}{closest}."
+        text = f"{requirements.capitalize()} in each of {count} {unit}{closest}."
         return [Sentence(text, worst.number if worst else None)]
     is_sampled, sentences = answers.study.design.method not in ("one_at_a_time", "grid"), list[Sentence]()
     for rate in missed[:MAX_SENTENCES]:
@@ -351,5 +351,5 @@ def lowest_pass_rate(answers: Answers) -> tuple[str, str]:
     lowest = min(rate.part for rate in answers.shares)
     if lowest == 1.0 and not answers.failed:
         count = sum(entry.kind == "expectation" for entry in answers.left_out)
-        return "pass", "✓ every case passes" + (f", {count} expectation{'s' * (count > 1)} not judged" if count else "")
+        return "pass", "✓ every case passes" + (f", {count} requirement{'s' * (count > 1)} not judged" if count else "")
     return "warn", f"lowest pass rate {percent(lowest)}"
