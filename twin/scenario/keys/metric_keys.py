@@ -29,7 +29,7 @@ class Builder:
         self.variants = variants
         self.metrics = metrics  # all names in the file, including invalid metrics
         self.problems: list[str] = []
-        self.late_windows: list[tuple[tuple[str | int, ...], str, WindowKeys]] = []  # that begin after the run
+        self.late_windows: list[tuple[tuple[str | int, ...], str, Window]] = []  # that begin after the run
 
     def problem(self, path: tuple[str | int, ...], message: str) -> None:
         """Add a problem at a path of the tree."""
@@ -70,7 +70,7 @@ class Builder:
         start, stop = keys.start, keys.stop
         span = f"outside the run, {clock.text(begin)} to {clock.text(end or 0)}. Change it or stop_time."
         if start is not None and end is not None and start >= end:
-            self.late_windows.append(((*path, "from"), what, keys))
+            self.late_windows.append(((*path, "from"), what, Window(start, stop)))
         elif start is not None and start < begin:
             self.problem((*path, "from"), f"{what}: from {clock.text(start)} lies {span}")
         elif stop is not None and stop < begin:
@@ -84,8 +84,8 @@ class Builder:
         if not self.late_windows:
             return
         path, what, _ = self.late_windows[0]
-        starts = sorted({keys.start for _, _, keys in self.late_windows})
-        needed = max(keys.stop or keys.start for _, _, keys in self.late_windows)
+        starts = sorted({window.start_ns or 0 for _, _, window in self.late_windows})
+        needed = max(window.stop_ns or window.start_ns or 0 for _, _, window in self.late_windows)
         more = len(self.late_windows) - 1
         subject, verb = (f"{what} and {more} more", "lie") if more else (what, "lies")
         times = " or ".join(map(clock.text, starts))
