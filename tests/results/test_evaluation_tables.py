@@ -187,8 +187,12 @@ def test_decimals_of_a_metric(values: tuple[float, ...], unit: str, decimals: in
 
 def test_a_quantity_has_one_unit_whatever_the_values_are() -> None:
     assert display_units({"a": "N", "b": "mN", "c": "mm", "d": "", "e": "s"}) == {
-        "a": "mN", "b": "mN", "c": "mm", "d": "", "e": "s"
-    }  # fmt: skip
+        "a": "mN",
+        "b": "mN",
+        "c": "mm",
+        "d": "",
+        "e": "s",
+    }
     metrics = {name: Metric(name, X, "mean", unit=unit) for name, unit in (("a", "N"), ("b", "mN"))}
     for value in (0.01, 12.0):
         formats = metric_formats(MetricResult(metric, "PI", {1: value}, None) for metric in metrics.values())
