@@ -254,6 +254,9 @@ def test_the_verdict_of_a_run(capsys, monkeypatch, attributes, report, line):
     ("option", "shown"),
     [
         ("heart.rate=1.2", "heart.rate=1.2 (Hz)"),
+        ("heart.amplitude=12 mm", "heart.amplitude=12 mm (all 7 elements)"),
+        ("heart.amplitude=2", "heart.amplitude=2 (m, all 7 elements)"),
+        ("heart.amplitude[1]=12 mm", "heart.amplitude[1]=12 mm"),
         ("heart.rate='72 /min'", "heart.rate='72 /min'"),
         ("variants.PI.heart.rate = 1e0", "variants.PI.heart.rate = 1e0 (Hz)"),
         ("heart.offset[2]=0.1", "heart.offset[2]=0.1 (m)"),
@@ -265,9 +268,10 @@ def test_the_verdict_of_a_run(capsys, monkeypatch, attributes, report, line):
         ("title=Beats", "title=Beats"),
     ],
 )
-def test_an_override_without_a_unit_names_it(option, shown):
-    units = {"rate": "Hz", "offset": "m", "gain": ""}
-    heart = {name: SimpleNamespace(unit=unit) for name, unit in units.items()}
+def test_an_override_names_its_unit_and_how_many_elements_it_sets(option, shown):
+    units = {"rate": "Hz", "offset": "m", "gain": "", "amplitude": "m"}
+    shapes = {"offset": (2,), "amplitude": (7,)}
+    heart = {name: SimpleNamespace(unit=unit, shape=shapes.get(name, ())) for name, unit in units.items()}
     assert run.with_unit(option, SimpleNamespace(catalogs={"PI": {"heart": heart}})) == shown
 
 

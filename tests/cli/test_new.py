@@ -48,7 +48,7 @@ def test_a_new_project_runs_and_its_tests_pass(twin, tmp_path, command_line):
     place = tmp_path / "my_rig"
     ran = command_line.run(["run", "my_rig"], place)
     assert ran.returncode == 0, ran.stderr
-    assert "pass    2 expectations (--verbose lists them)." in ran.stdout
+    assert "pass    2 requirements (--verbose lists them)." in ran.stdout
     tested = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"],
         cwd=place,

@@ -197,7 +197,7 @@ def test_equal_runs(compared, calls):
 
 
 def test_differing_runs(compared):
-    """The largest relative difference is on top; the case is named where there are several; a long list is cut."""
+    """The largest relative difference is on top; a row for each signal, with --all for each case; a long list is cut."""
     assert compared(differences(2)) == (
         1,
         [
@@ -208,10 +208,15 @@ def test_differing_runs(compared):
             "s01 0.002 N 2.5 s 0.5",
         ],
     )
-    assert compared(differences(1, seeds=(1, 2)))[1][2:] == [
-        "signal case difference from relative",
-        "s00 PI, seed 1 0.002 N 1.25 s 0.5",
-        "s00 PI, seed 2 0.002 N 1.25 s 0.5",
+    assert compared(differences(2, seeds=(1, 2)))[1][2:] == [
+        "signal difference from relative cases",
+        "s00 0.002 N 1.25 s 0.5 2",
+        "s01 0.002 N 2.5 s 0.5 2",
+    ]
+    assert compared(differences(1, seeds=(1, 2)), "--all")[1][2:] == [
+        "signal difference from relative case",
+        "s00 0.002 N 1.25 s 0.5 PI, seed 1",
+        "s00 0.002 N 1.25 s 0.5 PI, seed 2",
     ]
     lines = compared(differences(compare.MAX_LISTED))[1]
     assert (len(lines), lines[-1][:3]) == (compare.MAX_LISTED + 3, f"s{compare.MAX_LISTED - 1}")

@@ -96,7 +96,7 @@ def test_how_runs_are_viewed(calls, monkeypatch, output, as_scene, shown):
 def test_the_folder_of_a_run(calls, monkeypatch):
     """`latest` alone is the last run of all; STUDY:7 a case; a study's folder stands for the first case that it kept."""
     found = []
-    monkeypatch.setattr("twin.results.finished_runs", lambda runs: found)
+    monkeypatch.setattr("twin.results.recording.latest_run.finished_runs", lambda runs, file: found)
     study, cases = Path("study"), {9: Path("nine"), 3: Path("three")}
     replace(
         monkeypatch,

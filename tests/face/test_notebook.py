@@ -48,6 +48,20 @@ SUMMARY = {
 }
 
 
+def test_a_quantity_has_one_unit_in_data_and_in_the_table():
+    """A metric in N beside one in mN: both in mN, in the DataFrame as in the HTML."""
+    figures = {"values": {"1": 0.06875}, "mean": 0.06875, "paper": 0.0782, "ratio": 0.88, "verdict": "pass"}
+    large = {**figures, "values": {"1": 200.1}, "mean": 200.1, "paper": None, "ratio": None, "verdict": "info"}
+    metrics = {
+        "error": {"description": "", "unit": "N", "variants": {"PI": figures}},
+        "force": {"description": "", "unit": "mN", "variants": {"PI": large}},
+    }
+    table = arrays.metrics({"metrics": metrics})
+    assert table[["value", "unit", "paper"]].values.tolist()[0] == [68.75, "mN", 78.2]
+    assert table.ratio[0] == 0.06875 / 0.0782
+    assert "error [mN]" in notebook.verdicts({"metrics": metrics})
+
+
 def test_a_table_of_metrics():
     """Failures first, then figures of the paper; a metric has one unit, beside its name; the rest is folded."""
     text = notebook.verdicts(SUMMARY)
@@ -57,8 +71,8 @@ def test_a_table_of_metrics():
     assert head == "".join(f"<th class={'number' if 1 < k < 5 else 'text'}>{name}</th>" for k, name in enumerate(names))
     own = [[re.sub("<[^>]*>", "", cell) for cell in row.removesuffix("</td>").split("</td>")] for row in rows]
     assert own == [
-        ["depth [mm]", "FF", "30", "20", "1.50", "✗ fail"],
-        ["", "PI", "20", "20", "1.00", "✓ pass"],
+        ["depth [m]", "FF", "0.03", "0.02", "1.50", "✗ fail"],
+        ["", "PI", "0.02", "0.02", "1.00", "✓ pass"],
         ["force [mN]", "PI", "0.25", "0.50", "0.50", "✓ pass"],
         ["", "&lt;FF&gt;", "-", "-", "-", "-"],
     ]
@@ -99,7 +113,7 @@ def test_a_run_in_some_lines(tmp_path, monkeypatch):
         "Rig: ✗ 3 of 5 requirements met",
         "It holds.",
         "FAIL safe: 3 < 4",
-        "FAIL depth, FF: 30 mm (paper 20, ratio 1.50)",
+        "FAIL depth, FF: 0.03 m (paper 0.02, ratio 1.50)",
         "variants PI · FF, replayed; seeds 1 · 2",
         "runs/1",
     ]

@@ -63,7 +63,7 @@ def test_a_difference_is_found_where_it_is(tmp_path: Path) -> None:
     code, text = called(a, b)
     assert code == 1
     row = next(line for line in text.splitlines() if line.strip().startswith("a.force"))
-    assert row.split() == ["a.force", "PI+FF,", "seed", "7", "0.02", "mN", "0.4", "s", "0.01"]
+    assert row.split() == ["a.force", "0.02", "mN", "0.4", "s", "0.01", "1"]
     assert text.splitlines()[:2] == [
         "The runs differ: 1 of 6 signals (5 equal to the bit, 0 within 1e-09).",
         "Most: a.force of PI+FF, seed 7: 0.02 mN, 0.01 of its largest magnitude.",
@@ -102,7 +102,7 @@ def test_what_is_in_one_run_alone_differs(tmp_path: Path) -> None:
     code, text = called(a, b)
     assert code == 1
     assert "status: completed and interrupted." in text
-    assert "1 expectation only in the second run: e" in text
+    assert "1 requirement only in the second run: e" in text
     assert "1 case only in the first run: PI+FF, seed 7" in text
     done = CliRunner().invoke(compare, [str(a), str(b), "--variant", "PI+F"])
     assert str(done.exception) == "'PI+F': neither run has this variant. Did you mean 'PI+FF'?"

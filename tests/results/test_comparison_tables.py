@@ -231,15 +231,15 @@ def summary(status: str = "completed", **changes: Any) -> dict[str, Any]:
         ({"values": {"1": 2.03, "2": 3.0}}, ["metric m of PI, seed 1: 2 N and 2.03 N."]),
         ({"values": {"1": 2.0, "2": None}}, ["metric m of PI, seed 2: 3 N and no value."]),
         ({"values": {"1": 2.1, "2": 6.0}}, ["metric m of PI, seed 2: 3 N and 6 N; also in 1 other case."]),
-        ({"unit": "mN"}, ["metric m of PI, seed 1: 2 N and 2 mN; also in 1 other case."]),
+        ({"unit": "mN"}, ["metric m of PI, seed 1: 2 N and 0.002 N; also in 1 other case."]),
         (
             {"metric": "n"},
             ["1 metric only in the first run: m", "1 metric only in the second run: n"],
         ),
-        ({"verdicts": {"e": "fail"}}, ["expectation e: pass and fail."]),
+        ({"verdicts": {"e": "fail"}}, ["requirement e: pass and fail."]),
         (
             {"verdicts": {"f": "pass"}},
-            ["1 expectation only in the first run: e", "1 expectation only in the second run: f"],
+            ["1 requirement only in the first run: e", "1 requirement only in the second run: f"],
         ),
     ],
 )
@@ -254,10 +254,19 @@ def test_what_differs_in_two_summaries(changes: dict[str, Any], problems: list[s
         [text for text in problems if text.split()[1].startswith("case")],
     )
     different, missing = compare_summaries(summary(), second, 0.01, metrics=True, variants=("PI",))
-    whole = ("status", "expectation", "1 expectation")
+    whole = ("status", "requirement", "1 requirement")
     own = [problem for problem in problems if not problem.startswith(whole)]
     assert [*different, *(entry.text(5) for entry in missing)] == own
     assert compare_summaries(summary(), second, 0.01, metrics=False, variants=("BW",)) == ([], [])
+
+
+def test_values_of_metrics_have_one_unit_and_differ_in_their_digits() -> None:
+    """In the smaller unit that another metric of the scenario has."""
+    small, other = summary(values={"1": 2.0, "2": 3.00001}), summary()
+    for one in (small, other):
+        one["metrics"]["other"] = {**one["metrics"]["m"], "unit": "mN", "variants": {}}
+    (line,), _ = compare_summaries(other, small, 1e-9, metrics=True, variants=())
+    assert line == "metric m of PI, seed 2: 3000 mN and 3000.01 mN."
 
 
 def test_metrics_of_both_runs_are_a_table() -> None:

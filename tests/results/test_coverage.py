@@ -25,12 +25,12 @@ def test_a_verdict_names_the_variants_that_it_judged() -> None:
     run = tables("PI", "FF", "mine")
     found = evaluate({}, [LIMIT, replace(LIMIT, variants=())], run)
     detail = "wall.force was 0 N to 0.1 N; expected at most 0.4 N."
-    assert [each.detail for each in found.expectation_results] == [
-        f"{detail} Judged in 2 of 3 variants, all but mine.",
-        detail,
+    assert [(each.detail, each.more) for each in found.expectation_results] == [
+        (detail, "Judged in 2 of 3 variants, all but mine."),
+        (detail, ""),
     ]
     many = evaluate({}, [replace(LIMIT, variants=("a0",))], tables(*(f"a{i}" for i in range(9))))
-    assert many.expectation_results[0].detail == f"{detail} Judged in 1 of 9 variants: a0."
+    assert many.expectation_results[0].more == "Judged in 1 of 9 variants: a0."
 
 
 def test_names_with_commas_are_quoted_and_many_are_counted() -> None:
@@ -41,26 +41,27 @@ def test_names_with_commas_are_quoted_and_many_are_counted() -> None:
     assert list_names([]) == ""
     limit = replace(LIMIT, variants=("PI, replayed",), at_least=0.02)
     (result,) = evaluate({}, [limit], tables("FF", "PI, replayed")).expectation_results
-    assert result.detail == (
-        'wall.force is 0 N at 0 s in "PI, replayed", seed 1; expected from 0.02 N to 0.4 N. Judged in 1 of 2 variants: "PI, replayed".'
+    assert result.detail == '0 N, expected 0.02 N to 0.4 N; first at 0 s; "PI, replayed".'
+    assert (
+        result.more == 'wall.force is 0 N at 0 s in "PI, replayed", seed 1. Judged in 1 of 2 variants: "PI, replayed".'
     )
 
 
 def test_equal_limits_are_one_number() -> None:
     limit = Expectation("", signal=FORCE, at_least=0.1, at_most=0.1, unit="N")
-    (result,) = evaluate({}, [limit], tables("PI")).expectation_results
-    assert "expected exactly 0.1 N." in result.detail
+    result, named = evaluate({}, [limit, replace(limit, name="exact")], tables("PI")).expectation_results
+    assert "expected exactly 0.1 N;" in named.detail
     assert result.name == "wall.force from 0.1 N to 0.1 N"  # recorded
 
 
 @pytest.mark.parametrize(
     ("expectations", "sentences"),
     [
-        ([LIMIT], ["No expectation judges mine."]),
+        ([LIMIT], ["No requirement judges mine."]),
         (
             [LIMIT, Expectation("late", ends="completed")],
             [
-                'mine is not judged by "clinical range". Name it in the variants of that expectation, or add an expectation.'
+                'mine is not judged by "clinical range". Name it in the variants of that requirement, or add a requirement.'
             ],
         ),
         ([LIMIT, Expectation("other", signal=FORCE, at_most=0.5)], []),  # another limit of the same signal
@@ -69,7 +70,7 @@ def test_equal_limits_are_one_number() -> None:
         (
             [replace(LIMIT, variants=("PI",), unlisted=("mine",)), Expectation("", ends="completed")],
             [
-                'mine is not judged by "clinical range". Name it in the variants of that expectation, or add an expectation.'
+                'mine is not judged by "clinical range". Name it in the variants of that requirement, or add a requirement.'
             ],
         ),
     ],
@@ -96,4 +97,4 @@ def test_an_order_names_the_variants_that_it_did_not_compare() -> None:
     order = Expectation("order", metric="m", ordered=("FF", "PI", "BW"), descending=False, margin=0.0)
     run = {("FF", 1): tables("FF", samples=5)["FF", 1], **tables("PI")}
     (result,) = evaluate({"m": metric}, [order], run).expectation_results
-    assert (result.verdict, result.detail) == ("pass", "m: FF 0.04 N < PI 0.10 N. Not compared: BW.")
+    assert (result.detail, result.more) == ("m: FF 0.04 N < PI 0.10 N.", "Not compared: BW.")

@@ -12,9 +12,9 @@ from tests.every_case import every_case
 from twin.results import Expectation, Metric, Plot, Signals, Window, evaluate
 from twin.results.evaluation import dimension, expression
 from twin.results.evaluation.hardware_termination import HardwareTermination
-from twin.results.evaluation.metric_format import metric_format
+from twin.results.evaluation.metric_format import display_units, metric_formats
 from twin.results.evaluation.metrics import MetricResult
-from twin.results.evaluation.ordering import check_order, format_seeds
+from twin.results.evaluation.ordering import check_order
 from twin.results.evaluation.reduction import MOMENT_REDUCTIONS, REDUCTIONS, reduce_samples
 
 S = 10**9
@@ -101,17 +101,23 @@ def test_ends_of_several_runs() -> None:
     ended = {("PI", 1): HardwareTermination(S), ("PI", 2): HardwareTermination(3 * S)}
     expectations = [Expectation("e", ends="stopped", variants=names) for names in (("PI",), ("FF",), ("none",))]
     found = [
-        (each.name, each.verdict, each.detail)
+        (each.name, each.verdict, each.detail, each.more)
         for each in evaluate({}, expectations, tables, True, ended).expectation_results
     ]
     assert found == [
         (
             "e",
             "pass",
-            "2 runs stopped at 1 s to 3 s, everything at rest; expected a stop. Judged in 1 of 2 variants: PI.",
+            "2 runs stopped at 1 s to 3 s, everything at rest; expected a stop.",
+            "Judged in 1 of 2 variants: PI.",
         ),
-        ("e", "fail", "FF, seed 1 ran to its end. Expected a stop, everything at rest. Judged in 1 of 2 variants: FF."),
-        ("e", "skipped", "None of its variants was run."),
+        (
+            "e",
+            "fail",
+            "FF, seed 1 ran to its end. Expected a stop, everything at rest.",
+            "Judged in 1 of 2 variants: FF.",
+        ),
+        ("e", "skipped", "None of its variants was run.", ""),
     ]
 
 
@@ -124,26 +130,26 @@ def result(variant: str, *values: float | None, unit: str = "N", paper: float | 
     ("first", "second", "options", "verdict", "detail"),
     [
         ((2.0,), (1.0,), {}, "pass", "m: PI 2 N > FF 1 N."),
-        ((1.0,), (1.0,), {}, "fail", "m: PI 1 N but not above FF 1 N."),
+        ((1.0,), (1.0,), {}, "fail", "PI 1 N is not above FF 1 N."),
         ((1.0,), (2.0,), {"descending": False}, "pass", "m: PI 1 N < FF 2 N."),
-        ((2.0,), (1.0,), {"descending": False}, "fail", "m: PI 2 N but not below FF 1 N."),
+        ((2.0,), (1.0,), {"descending": False}, "fail", "PI 2 N is not below FF 1 N."),
         ((2.0,), (1.0,), {"margin": 1.0}, "pass", "m: PI 2 N > FF 1 N (required margin: 1 N)."),
-        ((2.0,), (1.0,), {"margin": 1.25}, "fail", "m: PI 2 N but not above FF 1 N (required margin: 1.25 N)."),
+        ((2.0,), (1.0,), {"margin": 1.25}, "fail", "PI 2 N is not 1.25 N above FF 1 N."),
         ((2.0,), (1.0,), {"margin_part": 0.5}, "pass", "m: PI 2 N > FF 1 N (required margin: 50 %)."),
-        ((-2.0,), (-3.0,), {"margin_part": 0.75}, "fail", "m: PI -2 N but not above FF -3 N (required margin: 75 %)."),
-        ((None,), (1.0,), {}, "fail", "m: PI - but not above FF 1 N."),
-        ((2.0,), (None,), {}, "fail", "m: PI 2 N but not above FF -."),
+        ((-2.0,), (-3.0,), {"margin_part": 0.75}, "fail", "PI -2 N is not 75 % above FF -3 N."),
+        ((None,), (1.0,), {}, "fail", "PI - is not above FF 1 N."),
+        ((2.0,), (None,), {}, "fail", "PI 2 N is not above FF -."),
         ((2.0, 3.0), (1.0, 2.0), {}, "pass", "m: PI 2.5 N > FF 1.5 N."),
-        ((2.0, 3.0), (2.5, 2.0), {}, "pass", "m: PI 2.50 N > FF 2.25 N. It holds at seed 2, not at 1."),
-        ((2.0, 3.0), (2.0, 2.0), {}, "pass", "m: PI 2.5 N > FF 2.0 N. It holds at seed 2, not at 1."),
-        ((2.0, 3.0), (3.0, 4.0), {}, "fail", "m: PI 2.5 N but not above FF 3.5 N. It holds at no seed: 1, 2."),
+        ((2.0, 3.0), (2.5, 2.0), {}, "pass", "m: PI 2.50 N > FF 2.25 N; not at seed 1."),
+        ((2.0, 3.0), (2.0, 2.0), {}, "pass", "m: PI 2.5 N > FF 2.0 N; not at seed 1."),
+        ((2.0, 3.0), (3.0, 4.0), {}, "fail", "PI 2.5 N is not above FF 3.5 N; all seeds."),
     ],
 )
 def test_orders(first: Any, second: Any, options: dict[str, Any], verdict: str, detail: str) -> None:
     expectation = Expectation("", "m", ordered=("PI", "FF"), unit="N", **options)
     name = f"m {'rises' if options.get('descending') is False else 'falls'}: PI, FF"
     found = check_order(expectation, {"PI": result("PI", *first), "FF": result("FF", *second)})
-    assert found == (name, verdict, detail)
+    assert found[:3] == (name, verdict, detail)
 
 
 def test_an_order_of_one_variant() -> None:
@@ -152,29 +158,52 @@ def test_an_order_of_one_variant() -> None:
         "named",
         "skipped",
         "Not judged: an order needs at least two of PI and FF; only PI has m in this run.",
+        "",
     )
-    assert format_seeds([1, 2, 3, 4], [3]) == "It holds at seeds 1, 2, 4, not at 3."
 
 
 @every_case(
-    ("values", "unit", "style"),
+    ("values", "unit", "decimals"),
     [
-        ((0.0999,), "N", ("mN", 1)),
-        ((0.1,), "N", ("N", 1)),
-        ((0.0,), "N", ("N", None)),
-        ((0.05, 0.2), "N", ("N", 2)),
-        ((12.5, 3.0), "N", ("N", 1)),
-        ((9999.0,), "N", ("N", 0)),
-        ((10000.0,), "N", ("N", None)),
-        ((0.001,), "K", ("K", 3)),
-        ((0.00099,), "K", ("K", None)),
-        ((123.456,), "", ("", 1)),
-        ((), "N", ("N", None)),
+        ((0.0999,), "N", 4),
+        ((0.1,), "N", 1),
+        ((0.0,), "N", None),
+        ((0.05, 0.2), "N", 2),
+        ((12.5, 3.0), "N", 1),
+        ((9999.0,), "N", 0),
+        ((10000.0,), "N", None),
+        ((0.001,), "K", 3),
+        ((0.00099,), "K", None),
+        ((0.0999,), "mN", 1),
+        ((123.456,), "", 1),
+        ((), "N", None),
     ],
 )
-def test_unit_and_decimals_of_a_metric(values: tuple[float, ...], unit: str, style: tuple[str, int | None]) -> None:
-    found = metric_format([result("PI", value, unit=unit) for value in values] or [result("PI", None, unit=unit)])
-    assert (found.unit, found.decimals) == style
+def test_decimals_of_a_metric(values: tuple[float, ...], unit: str, decimals: int | None) -> None:
+    results = [result("PI", value, unit=unit) for value in values] or [result("PI", None, unit=unit)]
+    found = metric_formats(results)["m"]
+    assert (found.unit, found.decimals) == (unit, decimals)
+
+
+def test_a_quantity_has_one_unit_whatever_the_values_are() -> None:
+    assert display_units({"a": "N", "b": "mN", "c": "mm", "d": "", "e": "s"}) == {
+        "a": "mN",
+        "b": "mN",
+        "c": "mm",
+        "d": "",
+        "e": "s",
+    }
+    metrics = {name: Metric(name, X, "mean", unit=unit) for name, unit in (("a", "N"), ("b", "mN"))}
+    for value in (0.01, 12.0):
+        formats = metric_formats(MetricResult(metric, "PI", {1: value}, None) for metric in metrics.values())
+        assert {style.unit for style in formats.values()} == {"mN"}
+    limits = [Expectation("low", "a", at_most=0.4, unit="N"), Expectation("", "a", ordered=("PI", "FF"))]
+    tables = {(name, 1): Signals(np.arange(2.0), {"a.x": np.full(2, 0.5)}, {"a.x": "N"}) for name in ("PI", "FF")}
+    found = evaluate(metrics, limits, tables).expectation_results
+    assert [each.detail for each in found] == [
+        "500 mN, expected at most 400 mN; all variants.",
+        "PI 500 mN is not above FF 500 mN.",
+    ]
 
 
 def test_the_mean_and_the_worst_of_seeds() -> None:

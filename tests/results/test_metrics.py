@@ -187,6 +187,21 @@ def test_a_metric_of_some_variants() -> None:
     assert [figure.variant for figure in evaluation.metric_results] == ["B"]
 
 
+def test_a_failure_is_one_line_and_the_rest_is_apart() -> None:
+    """In the line all variants and seeds are words; samples of the first case, and long lists of cases, are left out."""
+    force = expression.parse("a.force")
+    (found,) = evaluate(
+        {}, [Expectation("safe", signal=force, at_most=0.1, unit="N")], tables(1.0, 0.5)
+    ).expectation_results
+    assert found.detail == "0.255 N, expected at most 0.1 N; first at 0 s; all variants, all seeds."
+    assert found.more == "a.force is 0.25 N at 1.57 s in A, seed 0."
+    cases = {(name, seed): signals(1.0 + 0.1 * (ord(name) - 64 == seed)) for name in "ABC" for seed in (1, 2, 3)}
+    limit = Expectation("safe", signal=force, at_most=0.252, variants=("A", "B", "C"), unit="N")
+    (found,) = evaluate({}, [limit], cases | {("D", 1): signals()}).expectation_results
+    assert found.detail == "0.255 N, expected at most 0.252 N; first at 1.24 s; 3 of 10 runs."
+    assert found.more.endswith("Fails in A, seed 1; B, seed 2; C, seed 3. Judged in 3 of 4 variants, all but D.")
+
+
 def test_what_did_not_finish_is_left_out() -> None:
     evaluation = evaluate({"m": metric()}, [], {("A", 1): signals(complete=False), ("B", 1): signals()})
     assert [figure.variant for figure in evaluation.metric_results] == ["B"]
@@ -195,24 +210,23 @@ def test_what_did_not_finish_is_left_out() -> None:
 @every_case(
     ("expectation", "verdict", "detail"),
     [
-        (Expectation("", metric="m", ordered=("A", "B", "C")), "pass", "m: A 34.95 mN > B 17.48 mN > C 3.50 mN."),
-        (Expectation("", metric="m", ordered=("B", "A"), descending=False), "pass", "m: B 17.48 mN < A 34.95 mN."),
-        (Expectation("", metric="m", ordered=("B", "A")), "fail", "m: B 17.48 mN but not above A 34.95 mN."),
-        (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.49), "pass", "m: A 34.95 mN > B 17.48 mN (required margin: 49 %)."),
-        (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.51), "fail", "m: A 34.95 mN but not above B 17.48 mN (required margin: 51 %). It holds at no seed: 0, 1."),
-        (Expectation("", metric="m", ordered=("A", "B"), margin=0.53 * STD), "fail", "m: A 34.95 mN but not above B 17.48 mN (required margin: 17.64 mN). It holds at seed 1, not at 0."),
+        (Expectation("", metric="m", ordered=("A", "B", "C")), "pass", "m: A 0.03495 N > B 0.01748 N > C 0.00350 N."),
+        (Expectation("", metric="m", ordered=("B", "A"), descending=False), "pass", "m: B 0.01748 N < A 0.03495 N."),
+        (Expectation("", metric="m", ordered=("B", "A")), "fail", "B 0.01748 N is not above A 0.03495 N; all seeds."),
+        (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.49), "pass", "m: A 0.03495 N > B 0.01748 N (required margin: 49 %)."),
+        (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.51), "fail", "A 0.03495 N is not 51 % above B 0.01748 N; all seeds."),
+        (Expectation("", metric="m", ordered=("A", "B"), margin=0.53 * STD), "fail", "A 0.03495 N is not 0.01764 N above B 0.01748 N; seed 0."),
         (Expectation("", metric="m", ordered=("A", "X")), "skipped", "Not judged: an order needs at least two of A and X; only A has m in this run."),
-        (Expectation("", metric="m", at_most=0.035), "fail", f"m is {format_value(1.1 * STD, 'N')} in A, seed 1; expected at most 0.035 N."),
+        (Expectation("", metric="m", at_most=0.035), "fail", f"{format_value(1.1 * STD, 'N')}; A, seed 1."),
         (Expectation("", metric="m", at_most=0.035, variants=("B",)), "pass", f"m was {format_value(0.5 * STD, 'N')} to {format_value(0.55 * STD, 'N')}; expected at most"),
         (Expectation("", metric="m", at_most=1.06 * STD, variants=("A",), mean=True), "pass", f"m was {format_value(1.05 * STD, 'N')}; expected"),
-        (Expectation("", metric="m", at_most=1.04 * STD, variants=("A",), mean=True), "fail", f"m is {format_value(1.05 * STD, 'N')} in the mean of 2 runs; expected"),
-        (Expectation("", metric="m", at_least=1.0), "fail", f"m is {format_value(STD, 'N')} in A, seed 0; expected at least 1 N."),
-        (Expectation("", metric="m", at_most=1.06 * STD), "fail", f"m is {format_value(1.1 * STD, 'N')} in A, seed 1; expected at most {format_value(1.06 * STD, 'N')}. Broken in 1 of 6 runs: A (fails at seed 1; passes at 0)."),
+        (Expectation("named", metric="m", at_most=0.03, variants=("A",), mean=True), "fail", f"{format_value(1.05 * STD, 'N')}, expected at most 0.03 N."),
+        (Expectation("", metric="m", at_least=1.0), "fail", f"{format_value(0.1 * STD, 'N')}; all variants, all seeds."),
+        (Expectation("named", metric="m", at_most=1.06 * STD), "fail", f"{format_value(1.1 * STD, 'N')}, expected at most {format_value(1.06 * STD, 'N')}; A, seed 1."),
         (Expectation("", signal=expression.parse("a.force"), at_least=0.1, at_most=0.3), "pass", "a.force was 0.145 N to 0.255 N"),
-        (Expectation("", signal=expression.parse("a.force"), at_least=0.1, at_most=0.25), "fail",
-         "a.force is 0.255 N at 1.57 s (first violation at 1.15 s) in A, seed 1; expected from 0.1 N to 0.25 N."),
-        (Expectation("", signal=expression.parse("a.force"), at_least=0.16, at_most=0.24), "fail",
-         "a.force is 0.15 N at 4.71 s and 0.25 N at 1.57 s (first violation at 0.93 s) in A, seed 0; expected from 0.16 N"),
+        (Expectation("", signal=expression.parse("a.force"), at_least=0.1, at_most=0.25), "fail", "0.255 N; first at 1.15 s; A, seed 1."),
+        (Expectation("named", signal=expression.parse("a.force"), at_least=0.16, at_most=0.24), "fail",
+         "0.145 N to 0.255 N, expected 0.16 N to 0.24 N; first at 0.82 s; A, all seeds."),
         (Expectation("", signal=expression.parse("a.nothing"), at_least=0.1), "skipped", "Not judged: this run has no complete case with a.nothing."),
     ],
 )  # fmt: skip
@@ -324,7 +338,7 @@ def test_what_is_not_finite_passes_no_limit(limits: dict[str, float], value: flo
         {("A", 1): Signals(TIME, {"a.force": force})},
     ).expectation_results
     assert outcome.verdict == "fail"
-    assert outcome.detail.startswith(f"a.force is {value} at 3 s in A, seed 1; expected")
+    assert outcome.detail == f"{'not a number' if np.isnan(value) else value}; first at 3 s."
 
 
 def test_shown() -> None:

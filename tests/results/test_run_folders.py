@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,9 +24,6 @@ from twin.results.recording.run_folder import (
     termination_to_dict,
     to_json_value,
 )
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 NOW = datetime(2026, 11, 21, 0, 41, 32)  # noqa: DTZ001 - local time, as in the name
 STAMP = "2026-11-21_00-41-32"
@@ -164,3 +162,14 @@ def test_versions_name_what_computed_a_run() -> None:
     assert versions["numpy"] == np.__version__
     assert versions["platform"] == platform_name()
     assert platform_name().startswith(platform.system())
+
+
+def test_latest_alone_is_the_last_run_of_all_scenarios(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For each command that takes a run: `twin compare latest RUN` as `twin view latest`."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(TwinError, match=r"^runs: holds no finished run\. Run a scenario first"):
+        latest_run.find_results(Path("latest"), "summary.json", "run", "x")
+    for name in ("a/2026-01-02_00-00-00", "b/2026-01-01_00-00-00"):
+        (tmp_path / "runs" / name).mkdir(parents=True)
+        (tmp_path / "runs" / name / "summary.json").write_text("{}")
+    assert latest_run.find_results(Path("latest"), "summary.json", "run", "x") == Path("runs/a/2026-01-02_00-00-00")

@@ -13,7 +13,7 @@ from twin.results import Metric, MetricResult, check_sentence, fill_sentence, me
 from twin.results.evaluation import expression
 from twin.scenario import load_scenario, parse_scenario, scenario_paths
 
-ERROR = Metric("error", expression.parse("a.force"), "std", unit="N", paper={"PI": 0.0362})
+ERROR = Metric("error", expression.parse("a.force"), "std", unit="mN", paper={"PI": 0.0362})
 RESULTS = (
     MetricResult(ERROR, "PI", {1: 0.0356, 2: 0.0358}, 0.0362),
     MetricResult(ERROR, "PI+FF, replayed", {1: 0.001}, None),
@@ -98,4 +98,4 @@ def test_a_metric_has_one_unit_and_one_number_of_decimals() -> None:
     assert [style.text(result.mean) for result in RESULTS] == ["35.7 mN", "1.0 mN"]
     assert style.number(-1e-9) == "0.0"
     large = MetricResult(ERROR, "PI", {1: 0.25}, None)
-    assert metric_formats([large])["error"].text(0.25) == "0.25 N"
+    assert metric_formats([large])["error"].text(0.25) == "250 mN"

@@ -58,7 +58,7 @@ def test_table_is_plain_text_within_100_columns() -> None:
     mean, worst = f"{np.mean(std):.1f}", f"{max(std):.1f}"
     assert row.split() == ["PI+FF", "100", "mN", mean, "mN", worst, "mN", "0.14", "±", "20", "%", "FAIL"]
     assert any(line.startswith("pass    error_std: PI ") and line.endswith(f"> PI+FF {mean} mN.") for line in lines)
-    assert any(line.startswith("FAIL    stays <in> band: a.force is 0.25 N at") for line in lines)
+    assert any(line.startswith("FAIL    stays <in> band: 0.25 N, expected") for line in lines)
     assert "other settings" in text(judged(applies=False))
     assert "paper" not in text(evaluate({"m": Metric("m", FORCE, "mean")}, [], tables()))
     assert not text(Evaluation()).strip()
@@ -145,11 +145,11 @@ def test_what_passes_and_what_was_not_judged_is_counted() -> None:
     other = Expectation("of another variant", signal=FORCE, at_least=0.1, variants=("PI+BW",))
     lines = compact({"error_std": METRIC}, [ORDER, LIMIT, other, Expectation("low", signal=FORCE, at_most=9.0)])
     verdicts = lines[[line[0] for line in lines].index("FAIL") :]
-    assert " ".join(verdicts[0]).startswith("FAIL stays <in> band: a.force is 0.25 N at")
+    assert " ".join(verdicts[0]).startswith("FAIL stays <in> band: 0.25 N, expected 0.1 N to 0.22 N; first at")
     rest = [" ".join(line) for line in verdicts if line[0] in ("skipped", "pass")]
     assert rest == [
-        'skipped 1 expectation (--verbose says why): "of another variant".',
-        "pass 2 expectations (--verbose lists them).",
+        'skipped 1 requirement (--verbose says why): "of another variant".',
+        "pass 2 requirements (--verbose lists them).",
     ]
 
 
@@ -223,7 +223,7 @@ def test_html() -> None:
         "Contact &amp; force",
         "36.2 mN",
         "✗ fail",
-        "✓ pass",
+        "1 passed",
         "stays &lt;in&gt; band",
         "--set a.k=3",
         "stiffness",
@@ -258,12 +258,12 @@ def test_the_first_screen_answers() -> None:
         "✗ 2 of 4 requirements failed",
         "1 of 2 published values within their tolerance; twin / paper: 0.14 to 0.98.",
         "It deviates by 14 mN.",
-        '<a href="#expectations">stays &lt;in&gt; band</a>: a.force is 0.25 N',
         "twin view runs/x/2026",
     ):
         assert text in head
-    verdicts = html[html.index('id="expectations"') :]
-    assert verdicts.index("✗ fail") < verdicts.index("✓ pass")
+    verdicts = html[html.index('id="requirements"') : html.index('id="figures"')]
+    assert html.index("</header>") < html.index('id="requirements"')
+    assert verdicts.index("<b>stays &lt;in&gt; band</b>: 0.25 N") < verdicts.index("<summary>1 passed</summary>")
 
 
 def test_one_variant_has_no_column_and_what_is_not_judged_is_folded() -> None:
@@ -276,8 +276,8 @@ def test_one_variant_has_no_column_and_what_is_not_judged_is_folded() -> None:
     assert "<th>Metric</th><th " in html
     assert "<td>PI</td>" not in html
     assert "Not judged: this run has no complete case of PI+FF with a.force." in html
-    section = html[html.index('id="expectations"') :]
-    assert section.index("<details><summary>2 not judged</summary>") < section.index(">skipped</span>")
+    section = html[html.index('id="requirements"') :]
+    assert section.index("<details><summary>2 not judged</summary>") < section.index("Not judged: ")
 
 
 def test_parameters_that_a_scenario_sets_come_first() -> None:

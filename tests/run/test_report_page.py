@@ -1,5 +1,6 @@
 """report.html in a browser: charts in place of plots, one cursor of time, nothing cut on a phone, plots on paper."""
 
+import re
 from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
@@ -7,12 +8,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.run.reported import LIMIT, PLOTS, TIME, tables
-from twin.results import Evaluation, EventLine, Metric, Plot, PlotCurve, evaluate, expression, find_violations
+from tests.run.reported import FORCE, LIMIT, PLOTS, TIME, labels, tables
+from twin.results import (
+    Evaluation,
+    EventLine,
+    Expectation,
+    Metric,
+    Plot,
+    PlotCurve,
+    evaluate,
+    expression,
+    find_violations,
+)
 from twin.results.evaluation.violations import Violation
 from twin.results.recording import run_folder as results
 from twin.results.recording.signals import Window
-from twin.run import report_curves, report_page
+from twin.run import metric_charts, report_curves, report_page
 from twin.run.event_table import EventRow
 from twin.run.report_plots import draw_plots
 from twin.structure import picture
@@ -72,9 +83,6 @@ def test_a_curve_is_marked_where_it_violates_its_own_expectations() -> None:
     violations = [
         Violation(signal=expression.parse("a.force"), high=2.0, **limits),
         Violation(signal=expression.parse("a.position"), high=0.0, **limits),
-        Violation(
-            signal=expression.parse("a.force"), reduce="std", **{**limits, "window": Window(None, 2_500_000_000)}
-        ),
     ]
     curves: Any = SimpleNamespace(violations=violations)
     points = np.arange(5.0), np.array([0.0, 3.0, 3.0, 1.0, 4.0])
@@ -83,10 +91,41 @@ def test_a_curve_is_marked_where_it_violates_its_own_expectations() -> None:
         curve: Any = SimpleNamespace(signal=expression.parse(signal))
         return list(report_curves.PaneBuilder.violating_spans(curves, curve, case, points))
 
-    assert spans("a.force", "PI", 1) == [(1.0, 2.0), (4.0, 4.0), (0.0, 2.5)]
+    assert spans("a.force", "PI", 1) == [(1.0, 2.0), (4.0, 4.0)]
     assert spans("a.position", "PI", 1) == [(1.0, 4.0)]
     assert spans("a.velocity", "PI", 1) == []
     assert spans("a.force", "PI", 2) == []
+
+
+def test_an_order_is_drawn_with_its_margins_and_failures_come_first() -> None:
+    """A chart for each failed order, no red curve; only the first plot is open; the scene begins at the first violation."""
+    metrics = {"std": Metric("std", FORCE, "std", unit="mN")}
+    wanted = [
+        Expectation("order", metric="std", ordered=("PI", "PI+FF"), margin_part=0.7),
+        Expectation("other order", metric="std", ordered=("PI+FF", "PI")),
+        LIMIT,
+    ]
+    evaluation = evaluate(metrics, wanted, tables())
+    summary = results.build_summary(results.RunInfo("x"), evaluation, tables()) | {"sentence": ""}
+    text = report_page.report_html(summary, evaluation, tables(), plots=PLOTS[:1], expectations=wanted)
+    assert re.findall("<figcaption><b>(.*?)</b>", text) == [
+        "Failed: order",
+        "Failed: other order",
+        "Force &lt;per&gt; controller",
+    ]
+    charts = metric_charts.draw_metric_charts(wanted, evaluation)
+    assert [figure.violations for figure in charts] == [("order",), ("other order",)]
+    assert {"PI", "PI+FF", "std [mN]"} <= set(labels(charts[0].svg))
+    rows = [result for result in evaluation.metric_results if result.metric.name == "std"]
+    assert list(metric_charts.row_bounds(wanted[0], rows)) == [(1, pytest.approx(0.3 * rows[0].mean))]
+    section = text[text.index('id="requirements"') : text.index('id="figures"')]
+    assert [section.index(f'<a href="#plot-{k}">') for k in (1, 2, 3)] == sorted(
+        section.index(f'<a href="#plot-{k}">') for k in (1, 2, 3)
+    )
+    assert text.index("<summary>Failed: other order</summary>") > text.index('id="plot-1"')
+    assert "<summary>Failed: order</summary>" not in text
+    first = TIME[np.argmax(tables()["PI", 1].values["a.force"] > 0.22)]
+    assert f'data-time="{first}" data-variant="PI"' in text
 
 
 @pytest.mark.slow
@@ -269,6 +308,21 @@ def test_curves_have_three_quarters_beside_a_scene_and_a_cut_table_says_so(page)
     page.set_viewport_size({"width": 360, "height": 740})
     page.wait_for_function("document.querySelector('#events .scroll').matches('.cut')")
     assert "scroll" in table.evaluate(sign)
+
+
+@pytest.mark.slow
+def test_the_scene_folds_and_commands_are_whole(page) -> None:
+    """It covers no plot once it is folded; a command is never cut."""
+    page.evaluate("document.body.classList.add('with-films')")
+    page.set_viewport_size({"width": 360, "height": 800})
+    stage = page.locator("details.stage")
+    high = stage.bounding_box()["height"]
+    stage.locator("summary").click()
+    assert stage.bounding_box()["height"] < min(high, 60)
+    for width in (1400, 360):
+        page.set_viewport_size({"width": width, "height": 800})
+        cut = "(all) => all.filter((one) => one.scrollWidth > one.clientWidth + 1 || getComputedStyle(one).textOverflow === 'ellipsis').length"
+        assert page.eval_on_selector_all(".command code", cut) == 0
 
 
 @pytest.mark.slow

@@ -185,8 +185,8 @@ def two_variants() -> tuple[Evaluation, list[Any]]:
         for name, force in (("PI", 0.03), ("FF", 0.06))
     }
     metrics = {
-        "mean": Metric("mean", FORCE, "mean", unit="N", description="mean force"),
-        "last": Metric("last", FORCE, "final", Window(1 * S, None), "N", {"FF": 0.05}, 0.1, ("FF",)),
+        "mean": Metric("mean", FORCE, "mean", unit="mN", description="mean force"),
+        "last": Metric("last", FORCE, "final", Window(1 * S, None), "mN", {"FF": 0.05}, 0.1, ("FF",)),
     }
     limit = Expectation("small", "mean", at_most=0.04, unit="N")
     evaluation = evaluate(metrics, [limit], tables)
@@ -201,8 +201,8 @@ def test_a_matrix_has_failures_first() -> None:
         ("mean", "mN", "mean force: mean of a.force"),
     )
     assert found.rows == (
-        MatrixRow("FF", (MatrixCell("60", "50", 0.06, "fail"), MatrixCell("60", "", 0.06, "info")), ("small", "last")),
-        MatrixRow("PI", (MatrixCell(), MatrixCell("30", "", 0.03, "info")), ()),
+        MatrixRow("FF", (MatrixCell("60", "50", 60.0, "fail"), MatrixCell("60", "", 60.0, "info")), ("small", "last")),
+        MatrixRow("PI", (MatrixCell(), MatrixCell("30", "", 30.0, "info")), ()),
     )
     assert not found.is_large
     assert type(found)((), found.rows * 3).is_large
@@ -220,7 +220,7 @@ def test_a_matrix_has_metrics_with_a_reference_before_others() -> None:
 def test_lines_of_failures() -> None:
     evaluation, _ = two_variants()
     assert report.list_failures(evaluation) == [
-        ("small", "mean is 0.06 N in FF, seed 1; expected at most 0.04 N. Broken in 1 of 2 runs: FF."),
+        ("small", "60 mN, expected at most 40 mN; FF."),
         ("last, FF", "60 mN; the paper: 50 mN ± 10 %"),
     ]
     rows = {row["metric"] + row["variant"]: row for row in report.metric_rows(evaluation.metric_results)}

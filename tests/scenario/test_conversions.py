@@ -202,7 +202,7 @@ def test_values_of_variables(value: Any, options: dict[str, Any], result: Any) -
         ("from: 4 s", Window(4 * S)),
         ("from: 0 s", Window(0)),
         ("from: 9999 ms", Window(9_999_000_000)),
-        ("from: 10 s", "from 10 s lies outside the run, 0 s to 10 s. Change it or stop_time."),
+        ("from: 10 s", "from 10 s lies outside the run, 0 s to 10 s. Change it or set stop_time to more than 10 s."),
         ("from: -1 s", "from -1 s lies outside the run, 0 s to 10 s. Change it or stop_time."),
         ("to: 10 s", Window(None, 10 * S)),
         ("to: 11 s", Window(None, 11 * S)),
@@ -221,12 +221,24 @@ def test_windows_lie_in_the_run(window: str, result: Window | str) -> None:
         assert parse_scenario(text, "s.yaml").metrics["error"].window == result
 
 
+def test_windows_after_a_short_run_are_one_problem() -> None:
+    """With the stop time that all of them need, not a line for each."""
+    late = changed("from: 4 s, unit", "from: 12 s, to: 22 s, unit").replace(
+        "metrics:\n", "metrics:\n  later: {signal: servo.position, reduce: max, from: 14 s}\n"
+    )
+    assert late.count("from: 1") == 2
+    (line,) = problems(late)
+    assert line.endswith(
+        "and 1 more: from 12 s or 14 s lie outside the run, 0 s to 10 s. Change it or set stop_time to at least 22 s."
+    )
+
+
 def test_the_longest_variant_decides_about_windows() -> None:
     longer = changed("PI: {members", "PI: {stop_time: 20 s, members").replace("from: 4 s, unit", "from: 12 s, unit")
     assert parse_scenario(longer, "s.yaml").metrics["error"].window == Window(12 * S)
     late = longer.replace("from: 12 s, unit", "from: 20 s, unit")
     (line,) = problems(late)
-    assert line.endswith("from 20 s lies outside the run, 0 s to 20 s. Change it or stop_time.")
+    assert line.endswith("from 20 s lies outside the run, 0 s to 20 s. Change it or set stop_time to more than 20 s.")
 
 
 def test_numbers_of_a_file_in_si() -> None:

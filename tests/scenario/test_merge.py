@@ -245,7 +245,8 @@ def test_an_option_changes_the_base_and_every_variant_that_sets_the_same(
         ("variants.D.a.k=1", "there is no such variant. Known: A, A.B, C."),
         ("a.k={x: 1}", "expected a value or a list of values after the equals sign."),
         ("a.k=[1, {x: 1}]", "expected a value or a list of values after the equals sign."),
-        ("a.k=[1", "the value cannot be read. Write it like 1.4 Hz, true or [1, 2, 3]."),
+        ("a.k=[1", "the value cannot be read. Write it like 1.4 Hz, true or [4 mm, 2 mm]."),
+        ("a.k=[4, 2] mm", "the value cannot be read. Write it like 1.4 Hz, true or [4 mm, 2 mm]."),
     ],
 )
 def test_an_option_that_changes_nothing_says_why(option: str, problem: str) -> None:

@@ -310,7 +310,7 @@ def test_every_mistake_of_scenes_in_one_go(tmp_path, monkeypatch):
         "wrong.yaml:8: scene `A`: moving.svg:3: wall `pad`: crosses itself at (120, 24) mm. Draw it apart there, or as two walls.",
         "wrong.yaml:10: scene `A`: points: give either `signal` or `along`.",
         "wrong.yaml:11: scene `A`: axes: x is given twice. Give two, such as [x, z].",
-        "wrong.yaml:12: scene `A`: from 2 s lies outside the run, 0 s to 1 s. Change it or stop_time.",
+        "wrong.yaml:12: scene `A`: from 2 s lies outside the run, 0 s to 1 s. Change it or set stop_time to more than 2 s.",
         "wrong.yaml:13: scene `B`: `swing.travel` is in m, which does not convert to N. Use unit: m.",
         "wrong.yaml:13: scene `B`: lines: swing.contact_force is in mN, expected a length. Name points in space.",
         "wrong.yaml:13: scene `B`: lines: swing.tip has 2 elements, expected 2 or 3 numbers for each point: n x 2. Name such an array.",

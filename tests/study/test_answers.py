@@ -208,7 +208,7 @@ def test_the_headline_names_one_change_and_what_did_not_finish(tmp_path):
     closest = cases.requests[int(np.argmax(cases.metric("force_max")))].number
     first = headline(Answers(cases))[0]
     assert first.text.startswith(
-        f"The expectation holds in each of 20 cases; closest to its limit: case {closest}, where "
+        f"The requirement holds in each of 20 cases; closest to its limit: case {closest}, where "
     )
     assert first.case == closest
     assert lowest_pass_rate(Answers(cases)) == ("pass", "✓ every case passes")

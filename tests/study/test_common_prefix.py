@@ -298,6 +298,6 @@ def test_a_metric_whose_window_a_stopped_case_does_not_reach_has_no_value(tmp_pa
     assert told == [f"Early has no value and rest and still are not judged: {why}."]
     assert not is_judged
     passing = Answers(CaseTable(study, requests, [replace(row, holds=(True, None, None, None)) for row in rows]))
-    assert lowest_pass_rate(passing) == ("pass", "✓ every case passes, 2 expectations not judged")
+    assert lowest_pass_rate(passing) == ("pass", "✓ every case passes, 2 requirements not judged")
     assert not any(spread.metric == "early" for spread in answers.spreads)
     assert not any(pair.metric == "early" for pair in answers.pairs)

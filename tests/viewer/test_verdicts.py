@@ -80,7 +80,7 @@ def test_events_have_names_and_a_joystick_is_one(opened):
 def test_a_metric_has_the_digits_of_the_terminal(tmp_path):
     """The summary has 15 digits: 0.234375 N - 0.2 N is 0.034375 N there, and 34.37499999999999 mN as it was computed."""
     place = folder_of(tmp_path / "run", {("base", 0): (np.arange(2.0), {FORCE.name: np.zeros(2)})}, [FORCE])
-    metric = "{signal: sensor.force, reduce: max, unit: N}"
+    metric = "{signal: sensor.force, reduce: max, unit: mN}"
     (place / "scenario.yaml").write_text(f"stop_time: 1 s\nmembers: {{}}\nmetrics: {{far: {metric}}}\n")
     viewed = runs(place).runs[0]
     definition = Verdicts(viewed).scenario.metrics["far"]

@@ -42,8 +42,9 @@ def command(
     Exit code 0 if nothing differs by more than the tolerance, else 1, so that a CI job can compare with a reference run.
 
     The first line says whether the runs agree, the second what differs most. Signals and metrics are sorted by relative
-    difference; the signal with the earliest `from` is the likeliest cause. Expectations are of all variants: --variant leaves them out. Runs with different communication
-    steps are compared by interpolation, with a note.
+    difference, each with that of the case in which it is largest and the number of cases (--all lists them); the signal
+    with the earliest `from` is the likeliest cause. Requirements are of all variants: --variant leaves them out. Runs
+    with different communication steps are compared by interpolation, with a note.
 
     \b
     twin compare runs/mine/2026-11-22_08-14-00 runs/mine/latest
@@ -64,24 +65,21 @@ def command(
     for entry in comparison.missing:
         show_text(entry.text(len(entry.names) if everything else MAX_NAMES))
     for problem in comparison.problems[: None if everything else MAX_LISTED]:
-        say(problem)
+        show_text(problem)
     if len(comparison.problems) > MAX_LISTED and not everything:
         say(f"and {len(comparison.problems) - MAX_LISTED} more: use --all")
     differing = comparison.differing
     if differing:
-        several = len({(signal.variant, signal.seed) for signal in comparison.signals}) > 1
-        rows = [
-            [
-                each.name,
-                *[f"{each.variant}, seed {each.seed}"] * several,
-                each.text,
-                f"{each.time:.6g} s",
-                f"{each.part:.2g}",
-            ]
-            for each in (differing if everything else differing[:MAX_LISTED])
-        ]
-        show_table(["signal", *["case"] * several, "difference", "from", "relative"], rows, 1 + several)
-        if len(differing) > MAX_LISTED and not everything:
-            say(f"and {len(differing) - MAX_LISTED} more: use --all")
+        by_signal = {signal.name: [each for each in differing if each.name == signal.name] for signal in differing}
+        listed = differing if everything else [cases[0] for cases in by_signal.values()]
+        several = len({(each.variant, each.seed) for each in comparison.signals}) > 1
+        rows = []
+        for each in listed if everything else listed[:MAX_LISTED]:
+            cases = f"{each.variant}, seed {each.seed}" if everything else str(len(by_signal[each.name]))
+            rows.append([each.name, each.text, f"{each.time:.6g} s", f"{each.part:.2g}", *[cases] * several])
+        titles = ["case" if everything else "cases"] * several
+        show_table(["signal", "difference", "from", "relative", *titles], rows, 1)
+        if len(listed) > MAX_LISTED and not everything:
+            say(f"and {len(listed) - MAX_LISTED} more: use --all")
     if not comparison.agrees:
         sys.exit(1)

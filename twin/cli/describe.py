@@ -142,10 +142,10 @@ def show_scenario(path: Path) -> None:
         for name, metric in scenario.metrics.items()
     ]
     print_table("metric", metrics)
-    print_table("expectation", [(item.name, "", limits(item), "") for item in scenario.expectations])
+    print_table("requirement", [(item.name, "", limits(item), "") for item in scenario.expectations])
     if (record := scenario.mutations) is not None:
         detected = record.tried - len(record.unnoticed)
-        say(f"The expectations detect {detected} of {record.tried} deliberate faults (benchmarks/mutations.py).")
+        say(f"The requirements detect {detected} of {record.tried} deliberate faults (benchmarks/mutations.py).")
         print_table("undetected fault", [(name, "", "", reason) for name, reason in record.unnoticed.items()], "reason")
 
 

@@ -106,7 +106,7 @@ runs_option = folder_option("--runs", "runs", "Folder of results.")
 build_option = folder_option("--build", "build", "Folder of FMUs and compiled code.")
 no_report_option = click.option("--no-report", is_flag=True, help="Do not write the HTML report.")
 verbose_option = click.option(
-    "--verbose", is_flag=True, help="Print all metrics, and passed and skipped expectations in full."
+    "--verbose", is_flag=True, help="Print all metrics, and passed and skipped requirements in full."
 )
 force_option = click.option("--force", is_flag=True, help="Replace existing files.")
 no_open_option = click.option("--no-open", is_flag=True, help="Print the URL; do not open a browser.")

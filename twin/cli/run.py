@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import sys
 from dataclasses import dataclass, replace
@@ -171,7 +172,7 @@ def command(
 
     Results go to runs/SCENARIO/TIME/: signals.parquet, summary.json, scenario.yaml, report.html.
 
-    Exit code 0 if all expectations are met, 1 if one is not or a member failed, 130 after Ctrl-C. Recorded signals are
+    Exit code 0 if all requirements are met, 1 if one is not or a member failed, 130 after Ctrl-C. Recorded signals are
     kept in each case.
 
     \b
@@ -326,16 +327,18 @@ def show(outcome: RunResult, report: bool, verbose: bool = False) -> None:
 
 
 def with_unit(option: str, outcome: RunResult) -> str:
-    """Return a `--set` option; behind a number without a unit the unit that it has, as in `heart.rate=1.2 (Hz)`."""
+    """Return a `--set` option with the unit of a bare number, and how many elements it sets: `heart.rate=1.2 (Hz)`."""
     path, _, text = option.partition("=")
-    if not NUMBERS.fullmatch(text):
-        return option
     unit = "s" if path.strip().rpartition(".")[2] in TIMES else ""
+    elements = 1
     for variant, catalog in outcome.catalogs.items():
         member, _, name = path.strip().removeprefix(f"variants.{variant}.").partition(".")
-        variable = catalog.get(member, {}).get(name.removeprefix("parameters.").partition("[")[0])
-        unit = variable.unit if variable is not None else unit
-    return f"{option} ({unit})" if unit else option
+        name, bracket, _ = name.removeprefix("parameters.").partition("[")
+        if (variable := catalog.get(member, {}).get(name)) is not None:
+            unit = variable.unit
+            elements = 1 if bracket or "," in text else math.prod(variable.shape)
+    notes = [unit] * bool(unit and NUMBERS.fullmatch(text)) + [f"all {elements} elements"] * (elements > 1)
+    return f"{option} ({', '.join(notes)})" if notes else option
 
 
 def show_verdict(outcome: RunResult, report: bool) -> None:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 SCOPE = (
     "Checked: source, units, texts; all forms agree with expected.csv to the bit.",
-    "Physics is not judged: write a scenario with expectations (`expect:`).",
+    "Physics is not judged: write a scenario with requirements (`expect:`).",
 )
 
 

@@ -150,14 +150,10 @@ def check_name(text: str, runs: Path) -> None:
 
 def run_folder(text: str, runs: Path) -> Path:
     """Return the folder of a run: of `latest` alone that of the last run of any scenario."""
-    from twin.results import LATEST, finished_runs
+    from twin.results import LATEST, resolve_latest
 
-    if text == LATEST and not Path(text).exists():
-        if not (folders := finished_runs(runs)):
-            raise TwinError(
-                f"{runs}: holds no finished run. Run a scenario first, such as `twin run heart_wall_force`."
-            )
-        return folders[0]
+    if text == LATEST:
+        return resolve_latest(Path(text), root=runs)
     return case_of_study(text, runs) or first_case(Path(text))
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin.component import unit
 from twin.installed import import_optional
 from twin.results import readable_recording
 
@@ -96,12 +97,27 @@ def samples(path: Path, variables: Sequence[RecordedVariable]) -> pd.DataFrame:
 
 
 def metrics(summary: Mapping[str, Any]) -> MetricTable:
-    """Return a row for each metric, variant and seed, in the metric's unit; the verdict applies to the mean over the seeds."""
+    """Return a row for each metric, variant and seed, in the unit of the tables; the verdict applies to the mean over the seeds."""
     import_optional("pandas", "python", "a DataFrame")
-    from twin.results import MetricTable
+    from twin.results import MetricTable, display_units, si_conversion
+
+    units = display_units({name: metric["unit"] for name, metric in summary["metrics"].items()})
+
+    def in_unit(name: str, value: float | None) -> float | None:
+        factor = si_conversion(summary["metrics"][name]["unit"])[0] / si_conversion(units[name])[0]
+        return value if value is None or factor == 1.0 else unit.round_trip(value * factor)
 
     rows = [
-        (name, variant, int(seed), value, metric["unit"], figures["paper"], None, figures["verdict"])
+        (
+            name,
+            variant,
+            int(seed),
+            in_unit(name, value),
+            units[name],
+            in_unit(name, figures["paper"]),
+            None,
+            figures["verdict"],
+        )
         for name, metric in summary["metrics"].items()
         for variant, figures in metric["variants"].items()
         for seed, value in figures["values"].items()

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from twin.results import common_format, count_verdicts, figure_files, format_value, si_conversion
+from twin.results import common_format, count_verdicts, display_units, figure_files, format_value, si_conversion
 from twin.structure import picture, short_name
 
 if TYPE_CHECKING:
@@ -139,10 +139,11 @@ def metric_rows(summary: Mapping[str, Any]) -> list[dict[str, str]]:
     `rank`: 0 of a metric that fails, 1 of one with figures of the paper, else 2.
     """
     rows = []
+    units = display_units({name: metric["unit"] for name, metric in summary["metrics"].items()})
     for name, metric in summary["metrics"].items():
         unit, variants = metric["unit"], metric["variants"]
         numbers = [figures[key] for figures in variants.values() for key in ("paper", "mean")]
-        style = common_format([si(number, unit) for number in numbers if number is not None], unit)
+        style = common_format([si(number, unit) for number in numbers if number is not None], units[name])
         fails = any(figures["verdict"] in FAILED for figures in variants.values())
         is_compared = any(figures["paper"] is not None for figures in variants.values())
         common = {"metric": name, "description": metric["description"], "unit": style.label}

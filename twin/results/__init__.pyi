@@ -9,12 +9,15 @@ from .comparison import compare_runs as compare_runs
 from .evaluation import dimension as dimension
 from .evaluation import expression as expression
 from .evaluation.coverage import ends_before as ends_before
+from .evaluation.coverage import join_numbers as join_numbers
 from .evaluation.coverage import list_names as list_names
 from .evaluation.coverage import quote_names as quote_names
 from .evaluation.expression import Expression as Expression
 from .evaluation.hardware_termination import HardwareTermination as HardwareTermination
+from .evaluation.metric_format import MILLI_UNITS as MILLI_UNITS
 from .evaluation.metric_format import MetricFormat as MetricFormat
 from .evaluation.metric_format import common_format as common_format
+from .evaluation.metric_format import display_units as display_units
 from .evaluation.metric_format import metric_formats as metric_formats
 from .evaluation.metrics import Evaluation as Evaluation
 from .evaluation.metrics import Expectation as Expectation
@@ -33,7 +36,6 @@ from .evaluation.violations import find_violations as find_violations
 from .exporters import export as export
 from .metric_table import MetricTable as MetricTable
 from .plot_annotations import EventLine as EventLine
-from .plot_annotations import join_numbers as join_numbers
 from .plotting import histogram as histogram
 from .recording import rows as rows
 from .recording import run_folder as run_folder

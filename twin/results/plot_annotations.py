@@ -12,6 +12,7 @@ import numpy as np
 from twin import clock
 from twin.component import unit as units
 from twin.errors import CouplingError
+from twin.results.evaluation.coverage import join_numbers
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -110,17 +111,6 @@ def draw_events(axis: Any, events: Iterable[EventLine], names: Sequence[str], fa
         )
 
 
-def join_numbers(numbers: Iterable[int]) -> str:
-    """Join numbers, consecutive ones as a range: `1-3, 5`."""
-    ranges: list[list[int]] = []
-    for number in sorted(set(numbers)):
-        if ranges and number == ranges[-1][-1] + 1:
-            ranges[-1] = [ranges[-1][0], number]
-        else:
-            ranges.append([number])
-    return ", ".join("-".join(map(str, ends)) for ends in ranges)
-
-
 def wrap_name(name: str, letters: int) -> list[str]:
     """Wrap a name at blanks, points and underscores; a value is not broken."""
     lines = [""]
@@ -155,7 +145,7 @@ def draw_violation(axis: Any, x: Any, y: Any) -> None:
 
 
 def draw_limits(axis: Any, violation: Violation, factor: float, heights: Iterable[float]) -> None:
-    """Draw the limits of a violated expectation over its window; for a metric of many samples, shade its window."""
+    """Draw the limits of a violated expectation over its window."""
     left, right = axis.get_xlim()
     start, stop = violation.window.start_ns, violation.window.stop_ns
     begin = left if start is None else max(left, clock.seconds(start) * factor)
@@ -166,6 +156,4 @@ def draw_limits(axis: Any, violation: Violation, factor: float, heights: Iterabl
         axis.plot(
             [begin, end], [height, height], color=VIOLATION_COLOR, linewidth=1.0, linestyle=(0, (2, 1.5)), zorder=4
         )
-    if violation.over_time:
-        axis.axvspan(begin, end, color=VIOLATION_COLOR, alpha=0.06, linewidth=0, zorder=0)
     axis.set_xlim(left, right)

@@ -10,7 +10,8 @@ import numpy as np
 
 from twin.component import unit as units
 from twin.errors import CouplingError
-from twin.results.recording.signals import si_conversion
+from twin.results.evaluation.metric_format import display_units
+from twin.results.recording.signals import format_value, si_conversion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -136,12 +137,13 @@ def compare_summaries(
     if not metrics:
         return [], missing
     missing += list_missing("metric", first["metrics"], second["metrics"])
+    units = display_units({name: metric["unit"] for name, metric in first["metrics"].items()})
     common = [case for case in cases[0] if case in cases[1]]
     metric_problems = [
         entry
         for name, metric in first["metrics"].items()
         if name in second["metrics"]
-        and (entry := metric_problem(name, metric, second["metrics"][name], common, tolerance))
+        and (entry := metric_problem(name, metric, second["metrics"][name], common, tolerance, units[name]))
     ]
     problems = [line for _, line in sorted(metric_problems, key=lambda entry: -entry[0])]
     if variants:
@@ -149,9 +151,9 @@ def compare_summaries(
     if first["status"] != second["status"]:
         problems.insert(0, f"status: {first['status']} and {second['status']}.")
     outcomes = [{entry["name"]: entry["verdict"] for entry in summary["expectations"]} for summary in (first, second)]
-    missing += list_missing("expectation", *outcomes)
+    missing += list_missing("requirement", *outcomes)
     problems += [
-        f"expectation {name}: {verdict} and {outcomes[1][name]}."
+        f"requirement {name}: {verdict} and {outcomes[1][name]}."
         for name, verdict in outcomes[0].items()
         if outcomes[1].get(name, verdict) != verdict
     ]
@@ -159,7 +161,12 @@ def compare_summaries(
 
 
 def metric_problem(
-    name: str, first: Mapping[str, Any], second: Mapping[str, Any], cases: Sequence[tuple[str, str]], tolerance: float
+    name: str,
+    first: Mapping[str, Any],
+    second: Mapping[str, Any],
+    cases: Sequence[tuple[str, str]],
+    tolerance: float,
+    unit: str,
 ) -> tuple[float, str] | None:
     """Return the largest relative difference of a metric that differs, and a line: its case, and the number of others."""
     different = []
@@ -171,14 +178,23 @@ def metric_problem(
     if not different:
         return None
     largest, where, a, b = max(different, key=lambda entry: entry[0])
-    digits = 6 if a is None or b is None or f"{a:.6g}" != f"{b:.6g}" else 17
-    texts = " and ".join(
-        "no value" if value is None else f"{value:.{digits}g} {entry['unit']}".rstrip()
-        for value, entry in ((a, first), (b, second))
-    )
+    texts = metric_texts(((a, first["unit"]), (b, second["unit"])), unit)
     count = len(different) - 1
     more = f"; also in {count} other case{'s' * (count > 1)}" if count else ""
-    return largest, f"metric {name} of {where}: {texts}{more}."
+    return largest, f"metric {name} of {where}: {' and '.join(texts)}{more}."
+
+
+def metric_texts(values: Sequence[tuple[float | None, str]], unit: str) -> list[str]:
+    """Format values, each in a unit, in one unit if they convert, with as many digits as it takes to tell them apart."""
+    for digits in (4, 6, 17):
+        texts = []
+        for value, own in values:
+            shown = unit if is_convertible(own, unit) else own
+            factor, offset = si_conversion(own)
+            texts.append("no value" if value is None else format_value(value * factor + offset, shown, digits=digits))
+        if len(set(texts)) > 1:
+            break
+    return texts
 
 
 def is_close(first: float | None, second: float | None, tolerance: float) -> bool:

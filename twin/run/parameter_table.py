@@ -10,13 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.component import catalog
-from twin.results import common_format, quote_names, si_conversion
+from twin.results import MILLI_UNITS, quote_names, si_conversion
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from twin.coupling import Catalog, MemberVariable
     from twin.scenario import Case, MemberSpec
+
+
+SMALL = 0.1  # parameters all of whose values are below are shown in the smaller unit [SI]
 
 
 @dataclass(frozen=True)
@@ -111,7 +114,8 @@ def shown_value(value: Any, variable: MemberVariable) -> tuple[str, str]:
 def unit_for_size(value: Any, unit: str) -> str:
     """Return the unit in which a parameter is shown: a smaller one such as mm for small values [SI]."""
     array = np.asarray(value)
-    return common_format(array.ravel().tolist(), unit).unit if array.dtype.kind == "f" else unit
+    is_small = array.dtype.kind == "f" and 0.0 < np.max(np.abs(array), initial=0.0) < SMALL
+    return MILLI_UNITS.get(unit, unit) if is_small else unit
 
 
 def format_parameter(value: Any, unit: str, display: str) -> str:

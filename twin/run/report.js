@@ -6,6 +6,9 @@ import { unpack, visible } from "./samples.js";
 const charts = [];
 let player = null, shownTime = null, isAtStart = false;
 
+// the first violation: the scene and the cursor of time begin there, in a variant that fails
+const { time: failedAt, variant: failing } = document.getElementById("plots")?.dataset ?? {};
+
 // what the legend of a pane names; panes with the same names share the legend of the first one
 const legendOf = (pane) => JSON.stringify(pane.curves.map(({ label, color, dash }) => [label, color, dash]));
 
@@ -31,9 +34,15 @@ class ReportChart extends Chart {
   share(event, { from, to, all, a, b }) {
     const others = charts.filter((other) => other !== this);
     if (event === "dim") this.dimAlike();
-    if (event === "drawn" && this.frames && !isAtStart && !this.panes[0].own) { isAtStart = true; player?.show(this.axis()[0]); } // the scene begins with the curves
+    if (event === "drawn" && this.frames && !isAtStart && !this.panes[0].own) this.start();
     if (event === "window") for (const other of others) other.setWindow(...(all ? [null, null] : [from, to]));
     if (event === "cursors") for (const other of others) other.setCursors([a, b].filter((time) => time !== undefined));
+  }
+
+  // the scene begins with the curves, or at the first violation
+  start() {
+    isAtStart = true;
+    if (player) player.show(+(failedAt ?? this.axis()[0])); else if (failedAt) chartTimes(+failedAt);
   }
 
   // dim in panes without a legend of their own what is dimmed in the first one
@@ -91,6 +100,8 @@ const films = JSON.parse(document.getElementById("films").textContent), stage = 
 if (films.length) {
   document.body.classList.add("with-films");
   player = new Player(stage, films, () => Math.max(innerHeight * (innerWidth < 1100 ? 0.15 : 0.5), 110), chartTimes);
+  const first = films.findIndex(({ name }) => `, ${name}`.includes(`, ${failing}, seed `));
+  if (first > 0) { stage.querySelector(".film").value = first; player.select(first); }
   scrollThrough(stage);
 }
 

@@ -36,9 +36,11 @@ VERDICTS = {  # text in the table, color in the terminal
 }
 
 
-def metric_rows(results: Sequence[MetricResult]) -> list[dict[str, str]]:
-    """Format metrics as texts of table rows; all rows of a metric have its unit and its decimals."""
-    formats = metric_formats(results)
+def metric_rows(
+    results: Sequence[MetricResult], formats: Mapping[str, MetricFormat] | None = None
+) -> list[dict[str, str]]:
+    """Format metrics as texts of table rows. `formats`: from all metrics of the run, if these are some of them."""
+    formats = formats or metric_formats(results)
     return [metric_cells(result, formats[result.metric.name]) for result in results]
 
 
@@ -59,12 +61,13 @@ def metric_cells(result: MetricResult, style: MetricFormat) -> dict[str, str]:
     }
 
 
-def list_failures(evaluation: Evaluation) -> list[tuple[str, str]]:
-    """Return name and detail of each failed expectation and each metric outside its tolerance."""
-    failures = [(result.name, result.detail) for result in evaluation.expectation_results if result.verdict == "fail"]
+def list_failures(evaluation: Evaluation) -> list[ExpectationResult]:
+    """Return the failed expectations, and the metrics outside their tolerance as such."""
+    failures = [result for result in evaluation.expectation_results if result.verdict == "fail"]
     for row in filter(is_failure, metric_rows(evaluation.metric_results)):
-        reference = f"; the paper: {row['paper']} {row['tolerance']}" if row["paper"] != "-" else ""
-        failures.append((f"{row['description'] or row['metric']}, {row['variant']}", f"{row['mean']}{reference}"))
+        reference = f", the paper: {row['paper']} {row['tolerance']}" if row["paper"] != "-" else ""
+        name = f"{row['description'] or row['metric']}, {row['variant']}"
+        failures.append(ExpectationResult(name, "fail", f"{row['mean']}{reference}."))
     return failures
 
 
@@ -94,7 +97,8 @@ def results_table(evaluation: Evaluation, verbose: bool = False) -> Group:
     for result in expectations:
         if verbose or result.verdict not in ("pass", "skipped"):
             name = f"{result.name}: " if has_own_name(result) else ""
-            verdicts.add_row(Text(*VERDICTS[result.verdict]), Text(f"{name}{result.detail}"))
+            texts = [result.detail, *[result.more] * (verbose and bool(result.more))]
+            verdicts.add_row(Text(*VERDICTS[result.verdict]), Text(name + " ".join(texts)))
     for sentence in evaluation.unjudged if expectations else ():
         verdicts.add_row(Text(*VERDICTS["unjudged"]), Text(sentence))
     for verdict, text in () if verbose else count_expectations(expectations).items():
@@ -106,7 +110,7 @@ def results_table(evaluation: Evaluation, verbose: bool = False) -> Group:
 def count_expectations(results: Sequence[ExpectationResult]) -> dict[str, str]:
     """Return a text for the skipped expectations and one for the passed ones, by verdict."""
     names = {verdict: [each.name for each in results if each.verdict == verdict] for verdict in ("skipped", "pass")}
-    subjects = {verdict: f"{len(each)} expectation{'s' * (len(each) > 1)}" for verdict, each in names.items()}
+    subjects = {verdict: f"{len(each)} requirement{'s' * (len(each) > 1)}" for verdict, each in names.items()}
     texts = {
         "skipped": f"{subjects['skipped']} (--verbose says why): {list_names(names['skipped'])}.",
         "pass": f"{subjects['pass']} (--verbose lists {'them' if len(names['pass']) > 1 else 'it'}).",
@@ -114,9 +118,9 @@ def count_expectations(results: Sequence[ExpectationResult]) -> dict[str, str]:
     return {verdict: text for verdict, text in texts.items() if names[verdict]}
 
 
-def compact_table(results: Sequence[MetricResult]) -> MetricTable:
+def compact_table(results: Sequence[MetricResult], formats: Mapping[str, MetricFormat]) -> MetricTable:
     """Return the table of some metrics, failures first, without columns that say nothing: one seed is its own worst."""
-    table = MetricTable(sorted(metric_rows(results), key=lambda row: not is_failure(row)), has_seeds(results))
+    table = MetricTable(sorted(metric_rows(results, formats), key=lambda row: not is_failure(row)), has_seeds(results))
     is_used = {
         "worst": has_seeds(results),
         "tolerance": any(result.verdict in ("pass", "fail") for result in results),
@@ -141,6 +145,7 @@ class MetricOverview:
     MAX_VARIANTS = 6  # up to which a metric with a reference value is shown for the other variants, too
 
     def __init__(self, results: Sequence[MetricResult]) -> None:
+        self.formats = metric_formats(results)
         by_name: dict[str, list[MetricResult]] = {}
         for result in results:
             by_name.setdefault(result.metric.name, []).append(result)
@@ -157,7 +162,7 @@ class MetricOverview:
         from rich.text import Text
 
         if self.compared:
-            yield compact_table(self.compared)
+            yield compact_table(self.compared, self.formats)
         if not self.others:
             return
         table = self.variant_table()
@@ -166,7 +171,7 @@ class MetricOverview:
         if console.measure(table, options=options.update(max_width=UNLIMITED)).maximum <= width:
             yield table
         elif len(others) + len(self.others) <= self.MAX_ROWS:
-            yield compact_table(others)
+            yield compact_table(others, self.formats)
         else:
             more, number = "more " * bool(self.compared), len(self.others)
             yield Text(
@@ -180,7 +185,6 @@ class MetricOverview:
         from rich.text import Text
 
         results = [result for group in self.others.values() for result in group]
-        formats = metric_formats(results)
         is_mean = has_seeds(results)
         table = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
         table.add_column("mean / worst of the seeds" if is_mean else "metric", no_wrap=True)
@@ -188,7 +192,7 @@ class MetricOverview:
         for variant in variants:
             table.add_column(Text(variant), justify="right", no_wrap=True)
         for name, group in self.others.items():
-            style = formats[name]
+            style = self.formats[name]
             cells = dict.fromkeys(variants, "-")
             for result in group:
                 numbers = [style.number(value, result.scale) for value in (result.mean, result.worst)]

@@ -142,18 +142,10 @@ class PaneBuilder:
         return " ".join(str(self.arrays.index(quantize(values))) for values in points)
 
     def violating_spans(self, curve: PlotCurve, case: tuple[str, int], points: Points) -> Iterable[tuple[float, float]]:
-        """Return the spans in which a curve violates an expectation [s]; of a metric of many samples, its window."""
+        """Return the spans in which a curve violates an expectation [s]."""
         time, value = points
         for violation in self.violations:
-            if case not in violation.cases or not violation.concerns(curve.signal):
-                continue
-            if violation.over_time:
-                start, stop = violation.window.start_ns, violation.window.stop_ns
-                yield (
-                    float(time[0]) if start is None else clock.seconds(start),
-                    float(time[-1]) if stop is None else clock.seconds(stop),
-                )
-            else:
+            if case in violation.cases and violation.concerns(curve.signal):
                 yield from consecutive_spans(time, violation.violating_samples(case, time, value))
 
     def limits(self, selected: Tables) -> list[dict[str, Any]]:

@@ -6,9 +6,19 @@ import re
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from twin.results import Expectation, HardwareTermination, Plot, count_verdicts, find_violations, quote_names
+from twin.results import (
+    Expectation,
+    ExpectationResult,
+    HardwareTermination,
+    Plot,
+    count_verdicts,
+    find_violations,
+    quote_names,
+)
+from twin.run.metric_charts import draw_metric_charts
 from twin.run.report import VERDICTS, has_own_name, is_failure, list_failures, metric_rows
-from twin.run.report_plots import HERE, ReportFigure, draw_plots
+from twin.run.report_figure import ReportFigure
+from twin.run.report_plots import HERE, draw_plots
 from twin.run.variant_matrix import build_matrix
 from twin.scene import page as scene_page
 from twin.web import PackedArrays, chart_script, embed_json, report_templates
@@ -24,9 +34,9 @@ if TYPE_CHECKING:
     from twin.run.scenes import ReportScenes
 
 SECTIONS = {  # of report.html: titles in its table of contents
+    "requirements": "Requirements",
     "matrix": "Variants",
     "figures": "Metrics",
-    "expectations": "Expectations",
     "notes": "Notes",
     "hardware": "Hardware",
     "plots": "Plots",
@@ -79,14 +89,14 @@ def mark_code(text: str) -> Markup:
     return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))  # noqa: S704 - escaped
 
 
-def link_failures(evaluation: Evaluation, figures: Sequence[ReportFigure]) -> list[tuple[tuple[str, str], str]]:
-    """Return each failure with the element of the page that shows it: its plot, or a table."""
+def link_failures(evaluation: Evaluation, figures: Sequence[ReportFigure]) -> list[tuple[ExpectationResult, str]]:
+    """Return each failure with the element of the page that shows it: its plot, a table, or none."""
     plots = {
         name: f"plot-{number}" for number, figure in reversed(list(enumerate(figures, 1))) for name in figure.violations
     }
-    expectations = [result.name for result in evaluation.expectation_results if result.verdict == "fail"]
+    expectations = [result for result in evaluation.expectation_results if result.verdict == "fail"]
     failures = list_failures(evaluation)
-    targets = [plots.get(name, "expectations") for name in expectations]
+    targets = [plots.get(result.name, "") for result in expectations]
     return list(zip(failures, targets + ["figures"] * (len(failures) - len(targets)), strict=True))
 
 
@@ -114,7 +124,13 @@ def report_html(
     """
     violations = find_violations(expectations, evaluation, tables)
     arrays = PackedArrays()
-    figures = draw_plots(plots, tables, [row.annotation for row in events], violations, arrays, folder)
+    in_curves = [violation for violation in violations if not violation.over_time]
+    curves = draw_plots(plots, tables, [row.annotation for row in events], in_curves, arrays, folder)
+    order = [result.name for result in evaluation.expectation_results]
+    figures = sorted(
+        [*curves, *draw_metric_charts(expectations, evaluation)],
+        key=lambda figure: min(map(order.index, figure.violations), default=len(order)),
+    )
     films = scenes.films if scenes else []
     return (
         report_templates("twin.run", "twin.scene")
@@ -123,7 +139,7 @@ def report_html(
             **page_scripts(figures, films, arrays),
             summary=summary,
             groups=metric_groups(evaluation),
-            outcomes=sorted(evaluation.expectation_results, key=lambda outcome: outcome.verdict != "fail"),
+            outcomes=evaluation.expectation_results,
             counts=count_verdicts(summary),
             failures=link_failures(evaluation, figures),
             folder=folder,
@@ -149,6 +165,7 @@ def report_html(
             refinements=refinements,
             matrix=build_matrix(evaluation, violations),
             titles=SECTIONS,
+            start=next((next(iter(violation.cases.items())) for violation in in_curves if not violation.reduce), None),
             incomplete=[
                 f"{variant}, seed {seed}" for (variant, seed), signals in tables.items() if not signals.complete
             ],

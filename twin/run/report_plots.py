@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from urllib.parse import urlencode
 
 from twin import clock
 from twin.results import Plot, PlotCurve, join_numbers, list_names, plotting
 from twin.run import report_curves
+from twin.run.report_figure import ReportFigure
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -22,27 +23,6 @@ if TYPE_CHECKING:
 
 HERE = Path(__file__).parent
 MAX_PANELS = 6  # variants in a plot of a violation; the matrix shows the others
-
-
-@dataclass(frozen=True)
-class ReportFigure:
-    """Figure of a report: SVG for paper; charts of panes in its place on a screen, with events as marks.
-
-    `events`: by the numbers of their marks. `points`: of each curve of its charts, at most.
-    `command`: shows all samples; `query`: of the viewer's address, too. `violations`: names of those it shows. `is_scene`: replaced by a film.
-    """
-
-    title: str
-    svg: str
-    note: str = ""
-    panels: Sequence[Any] = ()
-    marks: Sequence[Any] = ()
-    events: Mapping[int, EventLine] = field(default_factory=dict)
-    points: int = 0
-    command: str = ""
-    query: str = ""
-    violations: tuple[str, ...] = ()
-    is_scene: bool = False
 
 
 def draw_plots(

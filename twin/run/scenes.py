@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin.errors import SceneError, nearest
 from twin.results import list_recorded_variables, read_variables
-from twin.run.report_plots import ReportFigure
+from twin.run.report_figure import ReportFigure
 from twin.scenario import lint
 from twin.scene import page, picture, scene_instants
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     Tables = Mapping[tuple[str, int], Signals]
 
+MAX_GROUPS = 2  # of cases that fail in a line
 MAX_NAMES = 6  # of variants or expectations in a sentence
 
 
@@ -35,9 +36,9 @@ def describe_cut(window: Window, signal: Expression | None, variants: Sequence[s
         is_judged = (not variants or variant in variants) and len(signals.time) and signals.has(signal)
         if is_judged and ends_before(signals.time[-2:], clock.seconds(window.stop_ns)):
             end = clock.text(round(float(signals.time[-1]) * clock.NANOSECONDS))
-            case = f"{quote_names([variant])[0]}, seed {seed},"
+            case = describe_case((variant, seed))
             return (
-                f"Not judged: the run of {case} ends at {end}, before its window ends at {clock.text(window.stop_ns)}."
+                f"Not judged: the run of {case}, ends at {end}, before its window ends at {clock.text(window.stop_ns)}."
             )
     return ""
 
@@ -62,6 +63,47 @@ def judged_variants(expectation: Expectation, results: Iterable[MetricResult], t
     return tuple(variant for variant in variants_of(tables) if variant in names and variant in present)
 
 
+def describe_case(case: tuple[str, int]) -> str:
+    """Return a case as `PI, seed 1`."""
+    return f"{quote_names(case[:1])[0]}, seed {case[1]}"
+
+
+def describe_cases(
+    cases: Sequence[tuple[str, int]], run: Iterable[tuple[str, int]], max_groups: int = MAX_GROUPS
+) -> str:
+    """Return some cases of a run as `all variants, all seeds` or `PI, all seeds; FF, seeds 1-3`; empty if it has one case.
+
+    Cases of more groups of variants with the same seeds are counted.
+    """
+    seeds: dict[str, list[int]] = {}
+    for variant, seed in run:
+        seeds.setdefault(variant, []).append(seed)
+    groups: dict[tuple[int, ...], list[str]] = {}
+    for variant in dict.fromkeys(variant for variant, _ in cases):
+        own = tuple(seed for name, seed in cases if name == variant)
+        groups.setdefault(() if len(own) == len(seeds[variant]) else own, []).append(variant)
+    if len(groups) > max_groups:
+        return f"{len(cases)} of {sum(map(len, seeds.values()))} runs"
+    texts = []
+    for own, names in groups.items():
+        subject = "all variants" if len(names) == len(seeds) else list_names(names)
+        of_seeds = f"seed{'s' * (len(own) > 1)} {join_numbers(own)}" if own else "all seeds"
+        has_seeds = max(map(len, seeds.values())) > 1
+        texts.append(", ".join([subject] * (len(seeds) > 1) + [of_seeds] * has_seeds))
+    return "; ".join(texts)
+
+
+def join_numbers(numbers: Iterable[int]) -> str:
+    """Join numbers, consecutive ones as a range: `1-3, 5`."""
+    ranges: list[list[int]] = []
+    for number in sorted(set(numbers)):
+        if ranges and number == ranges[-1][-1] + 1:
+            ranges[-1] = [ranges[-1][0], number]
+        else:
+            ranges.append([number])
+    return ", ".join("-".join(map(str, ends)) for ends in ranges)
+
+
 def variants_of(tables: Tables) -> list[str]:
     """Return the variants of a run, in its order."""
     return list(dict.fromkeys(variant for variant, _ in tables))
@@ -71,12 +113,12 @@ def describe_judged(expectation: Expectation, judged: Sequence[str], run: Sequen
     """Return which variants of a run were judged, to be appended to a verdict's detail; empty if all were."""
     if expectation.ordered:  # the detail names the variants
         missing = [name for name in expectation.ordered if name not in judged]
-        return f" Not compared: {list_names(missing)}." if missing else ""
+        return f"Not compared: {list_names(missing)}." if missing else ""
     left_out = [name for name in run if name not in judged]
     if not left_out:
         return ""
     names = f": {list_names(judged)}" if len(judged) <= len(left_out) else f", all but {list_names(left_out)}"
-    return f" Judged in {len(judged)} of {len(run)} variants{names}."
+    return f"Judged in {len(judged)} of {len(run)} variants{names}."
 
 
 def describe_unjudged(
@@ -92,7 +134,7 @@ def describe_unjudged(
     judged = [judged_variants(expectation, results, tables) for expectation in expectations]
     compared = {result.variant for result in results if result.verdict in ("pass", "fail", "none")}
     free = [name for name in run if name not in compared and not any(name in names for names in judged)]
-    lines = [f"No expectation judges {list_names(free)}."] if free and expectations else []
+    lines = [f"No requirement judges {list_names(free)}."] if free and expectations else []
     subjects = [(each.metric, each.signal.text if each.signal else None) for each in expectations]
     variants: dict[tuple[str, ...], list[str]] = {}  # by the expectations that leave them out
     for variant in (name for name in run if name not in free):
@@ -114,7 +156,7 @@ def describe_unjudged(
             pronoun = "it" if len(names) == 1 else "them"
             lines.append(
                 f"{list_names(names)} {verb} not judged by {list_names(missed)}. "
-                f"Name {pronoun} in the variants of that expectation, or add an expectation."
+                f"Name {pronoun} in the variants of that requirement, or add a requirement."
             )
     return tuple(lines)
 

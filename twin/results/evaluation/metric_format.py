@@ -1,4 +1,4 @@
-"""Display of metrics: a unit in which their numbers are short, and the same number of decimals in each row."""
+"""Display of metrics: one unit for each quantity of a scenario, and the same number of decimals in each row."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ from twin.component import unit
 from twin.results.recording.signals import format_value, si_conversion
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from twin.results.evaluation.metrics import MetricResult
 
-SMALLER = {"N": "mN", "m": "mm", "s": "ms", "A": "mA", "V": "mV", "m/s": "mm/s", "N*m": "mN*m"}
-LIMIT = 0.1  # metrics all of whose values are below are shown in the smaller unit
+MILLI_UNITS = {"N": "mN", "m": "mm", "s": "ms", "A": "mA", "V": "mV", "m/s": "mm/s", "N*m": "mN*m"}  # by their SI units
 DIGITS = 4  # of the largest value of a metric
 SMALLEST = 1e-3  # largest values below it are shown with powers of ten
 
@@ -46,35 +45,39 @@ class MetricFormat:
         return format_value(value, self.unit, 0.0, self.is_difference, None, 6)
 
 
+def display_units(declared: Mapping[str, str]) -> dict[str, str]:
+    """Return the unit in which each metric of a scenario is shown: its own, or the smaller one that another metric has.
+
+    Values do not matter: a metric has one unit in all runs of its scenario, and a quantity has one unit in a table.
+    """
+    symbols = set(declared.values())
+    return {
+        name: MILLI_UNITS[symbol] if MILLI_UNITS.get(symbol) in symbols else symbol for name, symbol in declared.items()
+    }
+
+
 def metric_formats(results: Iterable[MetricResult]) -> dict[str, MetricFormat]:
-    """Return the format of each metric, the same for all variants."""
+    """Return the format of each metric of a run, the same for all variants. `results`: of all metrics."""
     by_name: dict[str, list[MetricResult]] = {}
     for result in results:
         by_name.setdefault(result.metric.name, []).append(result)
-    return {name: metric_format(group) for name, group in by_name.items()}
+    units = display_units({name: group[0].metric.unit for name, group in by_name.items()})
+    return {name: metric_format(group, units[name]) for name, group in by_name.items()}
 
 
-def metric_format(results: list[MetricResult]) -> MetricFormat:
-    """Return the format of the results of one metric."""
-    metric = results[0].metric
+def metric_format(results: list[MetricResult], symbol: str) -> MetricFormat:
+    """Return the format of the results of one metric in a unit."""
     values = [value for result in results for value in (result.mean, result.worst, result.paper) if value is not None]
-    return common_format(values, metric.unit, metric.is_difference)
+    return common_format(values, symbol, results[0].metric.is_difference)
 
 
 def common_format(values: Sequence[float], symbol: str, is_difference: bool = False) -> MetricFormat:
-    """Return the format of some values [SI] in a unit, or in a smaller one if all are small."""
-
-    def in_unit(symbol: str) -> list[float]:
-        factor, offset = si_conversion(symbol, is_difference)
-        return [(value - offset) / factor for value in values]
-
-    def largest(symbol: str) -> float:
-        return max(map(abs, in_unit(symbol)), default=0.0)
-
-    if symbol in SMALLER and 0.0 < largest(symbol) < LIMIT:
-        symbol = SMALLER[symbol]
-    if not SMALLEST <= largest(symbol) < 10.0**DIGITS:
+    """Return the format of some values [SI] in a unit."""
+    factor, offset = si_conversion(symbol, is_difference)
+    in_unit = [(value - offset) / factor for value in values]
+    largest = max(map(abs, in_unit), default=0.0)
+    if not SMALLEST <= largest < 10.0**DIGITS:
         return MetricFormat(symbol, None, is_difference)
-    most = DIGITS - 1 - math.floor(math.log10(largest(symbol)))
-    decimals = max(len(f"{value:.{most}f}".rstrip("0").partition(".")[2]) for value in in_unit(symbol))
+    most = DIGITS - 1 - math.floor(math.log10(largest))
+    decimals = max(len(f"{value:.{most}f}".rstrip("0").partition(".")[2]) for value in in_unit)
     return MetricFormat(symbol, decimals, is_difference)

@@ -15,22 +15,24 @@ import numpy as np
 
 from twin.results.evaluation import dimension
 from twin.results.evaluation.coverage import (
+    describe_case,
+    describe_cases,
     describe_cut,
     describe_cut_expectation,
     describe_judged,
     describe_unjudged,
     judged_variants,
     list_names,
-    quote_names,
     variants_of,
 )
 from twin.results.evaluation.hardware_termination import HardwareTermination, check_termination
-from twin.results.evaluation.ordering import check_order, list_failed_variants
-from twin.results.evaluation.reduction import is_outside, reduce_samples
+from twin.results.evaluation.metric_format import display_units
+from twin.results.evaluation.ordering import check_order
+from twin.results.evaluation.reduction import INSTANT_INDEX, is_outside, reduce_samples
 from twin.results.recording.signals import FULL_RUN, Signals, Window, format_value
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from twin.results.evaluation.expression import Expression
 
@@ -91,6 +93,15 @@ class Expectation:
         difference = before - after if self.descending else after - before
         return difference - self.margin - self.margin_part * abs(before)
 
+    def judges(self, result: MetricResult) -> bool:
+        """Whether a metric of a variant is judged."""
+        names = self.ordered or self.variants
+        return result.metric.name == self.metric and (not names or result.variant in names)
+
+    def is_aggregate(self, metric: Metric) -> bool:
+        """Whether no single sample violates it: an order, a mean of runs, or a metric of many samples."""
+        return bool(self.ordered) or self.mean or metric.reduce not in INSTANT_INDEX
+
     def shown(self, value: float | None, scale: float = 0.0) -> str:
         """Format a value in the unit of the limits."""
         return format_value(value, self.unit, scale, self.is_difference)
@@ -143,9 +154,12 @@ class Plot:
 
 @dataclass(frozen=True)
 class CaseRange:
-    """Smallest and largest value of a case [SI], their times and that of the first violation [s]; no times for a metric."""
+    """Smallest and largest value of a case [SI], their times and that of the first violation [s]; no times for a metric.
 
-    case: str
+    `case`: variant and seed; None of the mean over all cases.
+    """
+
+    case: tuple[str, int] | None
     low: float
     high: float
     low_time: float | None = None
@@ -190,11 +204,15 @@ class MetricResult:
 
 @dataclass(frozen=True)
 class ExpectationResult:
-    """Result of one expectation: pass, fail, or skipped if its variants were not run, or not to the end of its window."""
+    """Result of one expectation: pass, fail, or skipped if its variants were not run, or not to the end of its window.
+
+    `detail`: one line; of a failure the worst values, the limits, the time and the cases. `more`: what was left out there.
+    """
 
     name: str
     verdict: str
     detail: str
+    more: str = ""
 
 
 @dataclass(frozen=True)
@@ -236,7 +254,7 @@ def evaluate(
         if not metric.variants or variant in metric.variants
     ]
     present = tuple(result for result in results if result.values)
-    expectations = tuple(expectations)
+    expectations = tuple(in_display_units(expectations, metrics))
     expectation_results = []
     for expectation in expectations:
         if expectation.nominal and not paper_applies:
@@ -253,10 +271,22 @@ def evaluate(
                     result = replace(result, verdict="skipped", detail=cut)
         if result.verdict != "skipped":
             suffix = describe_judged(expectation, judged_variants(expectation, present, complete), run)
-            result = replace(result, detail=f"{result.detail}{suffix}")
+            result = replace(result, more=f"{result.more} {suffix}".strip())
         expectation_results.append(result)
     unjudged = describe_unjudged(expectations, present, complete) if has_ended else ()
     return Evaluation(present, tuple(expectation_results), paper_applies, unjudged)
+
+
+def in_display_units(expectations: Iterable[Expectation], metrics: Mapping[str, Metric]) -> Iterator[Expectation]:
+    """Iterate over the expectations, those of metrics in the unit of the metric in tables; their names do not change."""
+    units = display_units({name: metric.unit for name, metric in metrics.items()})
+    for expectation in expectations:
+        unit = units.get(expectation.metric or "") or expectation.unit
+        if unit == expectation.unit:
+            yield expectation
+        else:
+            name = expectation.name or ("" if expectation.ordered else describe_limits(expectation)[2])
+            yield replace(expectation, unit=unit, name=name)
 
 
 def compute_metric(metric: Metric, variant: str, tables: Mapping[tuple[str, int], Signals]) -> MetricResult:
@@ -304,7 +334,7 @@ def check_expectation(
     for (variant, seed), signals in tables.items():
         if expectation.variants and variant not in expectation.variants:
             continue
-        case = f"{quote_names([variant])[0]}, seed {seed}"
+        case = (variant, seed)
         if expectation.signal is None:
             value = results[variant].values.get(seed) if variant in results else None
             if variant in results:
@@ -315,7 +345,7 @@ def check_expectation(
                 for part in signals.evaluate_parts(expectation.signal, expectation.window)
             ]
             if not any(map(len, extremes)):
-                return no_samples_result(expectation, case, not extremes)
+                return no_samples_result(expectation, describe_case(case), not extremes)
             scale = max(scale, signals.scale(expectation.signal))
             times, values = np.concatenate(extremes).T
             low, high = int(np.argmin(values)), int(np.argmax(values))
@@ -325,8 +355,8 @@ def check_expectation(
             )
     if expectation.mean and ranges:
         mean = float(np.mean([row.low for row in ranges]))
-        ranges = [CaseRange(f"the mean of {len(ranges)} runs", mean, mean)]
-    return check_limits(expectation, ranges, scale)
+        ranges = [CaseRange(None, mean, mean)]
+    return check_limits(expectation, ranges, list(tables), scale)
 
 
 def extreme_samples(samples: tuple[Any, Any], expectation: Expectation) -> np.ndarray[Any, Any]:
@@ -357,48 +387,46 @@ def no_samples_result(expectation: Expectation, case: str, is_array: bool) -> Ex
     return ExpectationResult(name, "fail", f"{what} {reason} in {case}; expected {expected}. {advice}")
 
 
-def check_limits(expectation: Expectation, ranges: list[CaseRange], scale: float = 0.0) -> ExpectationResult:
-    """Check the limits for every case; the detail names the first violation. `scale`: as in `format_value`."""
+def check_limits(
+    expectation: Expectation, ranges: list[CaseRange], run: Sequence[tuple[str, int]], scale: float = 0.0
+) -> ExpectationResult:
+    """Check the limits for every case. `run`: all cases; `scale`: as in `format_value`."""
     what, expected, name = describe_limits(expectation)
     if not ranges:
         of_variants = f" of {list_names(expectation.variants, 'or')}" if expectation.variants else ""
         return ExpectationResult(
             name, "skipped", f"Not judged: this run has no complete case{of_variants} with {what}."
         )
-    violations = {row.case: text for row in ranges if (text := describe_violation(expectation, row, scale))}
-    if violations:
-        case, text = next(iter(violations.items()))
-        cases = (
-            f" Broken in {len(violations)} of {len(ranges)} runs"
-            f": {list_failed_variants(violations, [row.case for row in ranges])}."
-            if len(ranges) > 1
-            else ""
-        )
-        return ExpectationResult(name, "fail", f"{what} is {text} in {case}; expected {expected}.{cases}")
-    span = " to ".join(
-        dict.fromkeys(
-            (
-                expectation.shown(min(row.low for row in ranges), scale),
-                expectation.shown(max(row.high for row in ranges), scale),
-            )
-        )
-    )
-    return ExpectationResult(name, "pass", f"{what} was {span}; expected {expected}.")
 
+    def shown(value: float) -> str:
+        return "not a number" if np.isnan(value) else expectation.shown(value, scale)
 
-def describe_violation(expectation: Expectation, row: CaseRange, scale: float) -> str:
-    """Return the values that break a limit and their times: `0.14 N at 21 s (first violation at 12 s)`; empty if none does."""
-    limits = expectation.at_least, expectation.at_most
+    low, high = expectation.at_least, expectation.at_most
+    lows = [row.low for row in ranges if is_outside(row.low, low, None)]
+    highs = [row.high for row in ranges if is_outside(row.high, None, high)]
+    failing = [row for row in ranges if violating_samples(expectation, row)]
+    if not failing:
+        span = " to ".join(
+            dict.fromkeys((shown(min(row.low for row in ranges)), shown(max(row.high for row in ranges))))
+        )
+        return ExpectationResult(name, "pass", f"{what} was {span}; expected {expected}.")
+    worst = " to ".join(dict.fromkeys(shown(edge(values)) for edge, values in ((min, lows), (max, highs)) if values))
+    limits = f", expected {expected.removeprefix('from ')}" if expectation.name else ""
+    times = [row.first_violation for row in failing if row.first_violation is not None]
+    first = f"first at {min(times):.6g} s" if times else ""
+    cases = [row.case for row in failing if row.case is not None]
+    brief, full = describe_cases(cases, run), describe_cases(cases, run, len(run))
     samples = [
-        (value, time)
-        for value, time, (low, high) in (
-            (row.low, row.low_time, (limits[0], None)),
-            (row.high, row.high_time, (None, limits[1])),
-        )
-        if is_outside(value, low, high)
+        shown(value) + ("" if time is None else f" at {time:.6g} s")
+        for value, time in violating_samples(expectation, failing[0])
     ]
-    texts = [expectation.shown(value, scale) + ("" if time is None else f" at {time:.6g} s") for value, time in samples]
-    times = [time for _, time in samples if time is not None]
-    is_later = bool(times) and row.first_violation is not None and row.first_violation < min(times)
-    first = f" (first violation at {row.first_violation:.6g} s)" if is_later else ""
-    return " and ".join(dict.fromkeys(texts)) + first
+    of_case = f" in {describe_case(failing[0].case)}" if failing[0].case is not None else ", the mean of all runs"
+    more = [f"{what} is {' and '.join(dict.fromkeys(samples))}{of_case}.", f"Fails in {full}." if full != brief else ""]
+    detail = "; ".join(filter(None, [f"{worst}{limits}", first, brief]))
+    return ExpectationResult(name, "fail", f"{detail}.", " ".join(filter(None, more)))
+
+
+def violating_samples(expectation: Expectation, row: CaseRange) -> list[tuple[float, float | None]]:
+    """Return value and time of the smallest and the largest sample of a case, as far as they are outside of the limits."""
+    sides = ((row.low, row.low_time, expectation.at_least, None), (row.high, row.high_time, None, expectation.at_most))
+    return [(value, time) for value, time, low, high in sides if is_outside(value, low, high)]

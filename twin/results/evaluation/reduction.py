@@ -68,6 +68,14 @@ class Moments:
         )
 
 
+INSTANT_INDEX: dict[str, Callable[[Any], Any]] = {  # of the metrics that are the value at one instant
+    "max_abs": lambda x: np.argmax(np.abs(x)),
+    "min": np.argmin,
+    "max": np.argmax,
+    "final": lambda x: len(x) - 1,
+}
+
+
 def reduce_samples(reduce: str, parts: Iterable[Array]) -> float:
     """Reduce samples to one number; NaN if there are none."""
     only_part: Array | None = None  # as long as it is the only one

@@ -9,7 +9,7 @@ import re
 from typing import TYPE_CHECKING
 
 from twin.errors import nearest
-from twin.results.evaluation.metric_format import metric_format
+from twin.results.evaluation.metric_format import metric_formats
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -35,6 +35,8 @@ def check_sentence(text: str, metrics: Mapping[str, Metric], variants: Sequence[
 
 def fill_sentence(text: str, results: Iterable[MetricResult]) -> str:
     """Return the text with values; a sentence ends before its first clause that lacks one. Without a variant the first one is meant."""
+    results = list(results)
+    formats = metric_formats(results)
     by_name: dict[str, list[MetricResult]] = {}
     for result in results:
         by_name.setdefault(result.metric.name, []).append(result)
@@ -46,7 +48,7 @@ def fill_sentence(text: str, results: Iterable[MetricResult]) -> str:
         number = None if result is None else {"worst": result.worst, "reference": result.paper}.get(which, result.mean)
         if result is None or number is None or result.verdict == "cut":
             raise LookupError
-        style = metric_format(group)  # as in the tables
+        style = formats[name]  # as in the tables
         return style.reference(number) if which == "reference" else style.text(number, result.scale)
 
     sentences = []

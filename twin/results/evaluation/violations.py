@@ -9,30 +9,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.results.evaluation.metrics import Evaluation, Expectation, Metric, MetricResult, Plot, describe_limits
-from twin.results.evaluation.reduction import is_outside
+from twin.results.evaluation.reduction import INSTANT_INDEX, is_outside
 from twin.results.recording.signals import Signals, Window, window_mask
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Iterable, Mapping
 
     from twin.results.evaluation.expression import Expression
 
     Tables = Mapping[tuple[str, int], Signals]
 
 MAX_SPANS = 400  # of one expectation in one case: more cannot be distinguished
-INSTANT_INDEX: dict[str, Callable[[Any], Any]] = {  # of the metrics that are the value at one instant
-    "max_abs": lambda x: np.argmax(np.abs(x)),
-    "min": np.argmin,
-    "max": np.argmax,
-    "final": lambda x: len(x) - 1,
-}
 
 
 @dataclass(frozen=True)
 class Violation:
     """Failed expectation. `low`, `high` [SI]: limits of every sample, or of the sample that `reduce` selects.
 
-    `cases`: each with the time of that sample [s], or None.
+    `cases`: each with the time of that sample, or of the first violating sample [s]; None of a metric of many samples.
     """
 
     name: str
@@ -44,6 +38,7 @@ class Violation:
     low: float | None = None
     high: float | None = None
     reduce: str = ""
+    over_time: bool = False  # a metric of many samples, or several metrics: no single sample violates it
 
     @property
     def variants(self) -> tuple[str, ...]:
@@ -54,11 +49,6 @@ class Violation:
     def limits(self) -> list[float]:
         """Limits of every sample."""
         return [limit for limit in (self.low, self.high) if limit is not None]
-
-    @property
-    def over_time(self) -> bool:
-        """Whether it is a metric of many samples, so that no single sample violates it."""
-        return bool(self.reduce) and self.reduce not in INSTANT_INDEX
 
     def concerns(self, signal: Expression) -> bool:
         """Whether an expression is the violated one, regardless of spaces."""
@@ -74,7 +64,7 @@ class Violation:
         return mask
 
     def is_shown_in(self, plot: Plot, tables: Tables) -> bool:
-        """Whether a plot over time shows a violating sample; for a metric of many samples, whether it shows any sample."""
+        """Whether a plot over time shows a violating sample."""
         for curve in plot.curves:
             if curve.x is not None or not self.concerns(curve.signal):
                 continue
@@ -82,7 +72,7 @@ class Violation:
                 if plot.variants and case[0] not in plot.variants:
                     continue
                 for time, value in tables[case].evaluate_parts(self.signal, plot.window):
-                    if self.over_time or self.violating_samples(case, time, value).any():
+                    if self.violating_samples(case, time, value).any():
                         return True
         return False
 
@@ -118,16 +108,15 @@ def signal_violation(expectation: Expectation, tables: Tables) -> Violation | No
     """Find the cases with a sample outside of the limits."""
     assert expectation.signal is not None
     what, expected, name = describe_limits(expectation)
-    cases = dict.fromkeys(
-        case
-        for case, signals in tables.items()
-        if signals.complete
-        and (not expectation.variants or case[0] in expectation.variants)
-        and any(
-            is_outside(value, expectation.at_least, expectation.at_most).any()
-            for _, value in signals.evaluate_parts(expectation.signal, expectation.window)
-        )
-    )
+    cases: dict[tuple[str, int], float | None] = {}
+    for case, signals in tables.items():
+        if not signals.complete or (expectation.variants and case[0] not in expectation.variants):
+            continue
+        for time, value in signals.evaluate_parts(expectation.signal, expectation.window):
+            outside = is_outside(value, expectation.at_least, expectation.at_most)
+            if outside.any():
+                cases[case] = float(time[np.argmax(outside)])
+                break
     text = f"{what} {expected}{expectation.window.text}"
     return Violation(
         name,
@@ -156,9 +145,7 @@ def metric_time(signals: Signals, metric: Metric) -> float | None:
 
 def metric_violation(expectation: Expectation, results: Iterable[MetricResult], tables: Tables) -> Violation | None:
     """Find the cases whose metric is outside of the limits; all cases of an order or a mean."""
-    metric_results = [result for result in results if result.metric.name == expectation.metric]
-    variants = expectation.ordered or expectation.variants
-    selected = [result for result in metric_results if not variants or result.variant in variants]
+    selected = [result for result in results if expectation.judges(result)]
     if not selected:
         return None
     metric = selected[0].metric
@@ -188,4 +175,5 @@ def metric_violation(expectation: Expectation, results: Iterable[MetricResult], 
         low,
         high,
         metric.reduce,
+        expectation.is_aggregate(metric),
     )

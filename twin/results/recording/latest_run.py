@@ -27,14 +27,24 @@ def run_order(folder: Path) -> tuple[str, int]:
     return (stamp[1], int(stamp[2] or 1)) if stamp else ("", 0)
 
 
-def finished_runs(root: Path) -> list[Path]:
-    """Return the finished runs of all scenarios below `root`, the latest first."""
-    folders = [path.parent for path in root.glob("*/*/summary.json")]
-    return sorted(filter(is_finished_run, folders), key=run_order, reverse=True)
+def finished_runs(root: Path, file: str = SUMMARY) -> list[Path]:
+    """Return the finished runs of all scenarios below `root`, or studies with `file`, the latest first."""
+    folders = [path.parent for path in root.glob(f"*/*/{file}")]
+    return sorted((folder for folder in folders if is_finished_run(folder, file)), key=run_order, reverse=True)
 
 
-def resolve_latest(folder: Path, file: str = SUMMARY) -> Path:
-    """Return the folder of a run; `SCENARIO/latest` is the last finished one. TwinError if there is none."""
+def resolve_latest(folder: Path, file: str = SUMMARY, root: Path = ROOT) -> Path:
+    """Return the folder of a run; `SCENARIO/latest` is the last finished one, `latest` that of all scenarios in `root`.
+
+    TwinError if there is none.
+    """
+    if folder == Path(LATEST) and not folder.exists():
+        if runs := finished_runs(root, file):
+            return runs[0]
+        example = "Run a scenario first, such as `twin run heart_wall_force`."
+        raise TwinError(
+            f"{root}: holds no finished {'run' if file == SUMMARY else 'study'}. {example if file == SUMMARY else ''}".rstrip()
+        )
     is_own_folder = folder.is_dir() and not folder.is_symlink()  # a person may call a run so
     return folder if folder.name != LATEST or is_own_folder else latest_run(folder.parent, file)
 

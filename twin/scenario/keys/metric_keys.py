@@ -35,6 +35,7 @@ class Builder:
         self.variants = variants
         self.metrics = metrics  # all names in the file, including invalid metrics
         self.problems: list[str] = []
+        self.late_windows: list[tuple[Builder, Window]] = []  # entries with windows that begin after the run
         self.path: Path = ()
         self.what = ""
 
@@ -87,13 +88,32 @@ class Builder:
         begin, end = self.keys.start_time, self.end
         start, stop = keys.start, keys.stop
         span = f"outside the run, {clock.text(begin)} to {clock.text(end or 0)}. Change it or stop_time."
-        if start is not None and not (begin <= start and (end is None or start < end)):
+        if start is not None and end is not None and start >= end:
+            self.late_windows.append((self, Window(start, stop)))
+        elif start is not None and start < begin:
             self.problem(f"from {clock.text(start)} lies {span}", "from")
         elif stop is not None and stop < begin:
             self.problem(f"to {clock.text(stop)} lies {span}", "to")
         elif start is not None and stop is not None and stop <= start:
             self.problem("to is not after from. Swap them.", "to")
         return Window(start, stop)
+
+    def report_late_windows(self) -> None:
+        """Add one problem for all windows that begin after the run, with the stop time that they need."""
+        if not self.late_windows:
+            return
+        first, _ = self.late_windows[0]
+        starts = sorted({window.start_ns or 0 for _, window in self.late_windows})
+        needed = max(window.stop_ns or window.start_ns or 0 for _, window in self.late_windows)
+        more = len(self.late_windows) - 1
+        subject, verb = (f" and {more} more", "lie") if more else ("", "lies")
+        times = " or ".join(map(clock.text, starts))
+        span = f"{clock.text(self.keys.start_time)} to {clock.text(self.end or 0)}"
+        least = "at least" if needed > starts[-1] else "more than"
+        self.problems.append(
+            f"{first.where('from')}: {first.what}{subject}: from {times} {verb} outside the run, {span}. "
+            f"Change it or set stop_time to {least} {clock.text(needed)}."
+        )
 
     @property
     def end(self) -> clock.Time | None:
@@ -283,6 +303,7 @@ def figures(
     expectations = tuple(builder.expectation(index, item_keys, metrics) for index, item_keys in enumerate(keys.expect))
     plots = tuple(builder.plot(index, item_keys) for index, item_keys in enumerate(keys.plots))
     analyses = tuple(builder.analysis(name, item_keys) for name, item_keys in keys.analyses.items())
+    builder.report_late_windows()
     return analyses, metrics, expectations, plots, builder.problems
 
 
@@ -293,4 +314,6 @@ def scenes(keys: ScenarioKeys, tree: Node, variants: list[str]) -> tuple[tuple[S
     from twin.scenario.keys.scene_keys import scene
 
     builder = Builder(keys, tree, variants, ())
-    return tuple(scene(builder, index, scene_keys) for index, scene_keys in enumerate(keys.scenes)), builder.problems
+    made = tuple(scene(builder, index, scene_keys) for index, scene_keys in enumerate(keys.scenes))
+    builder.report_late_windows()
+    return made, builder.problems

@@ -115,7 +115,7 @@ def option_value(text: str, shown: str) -> Node:
     try:
         parsed = yaml_reader.parse(text, shown)
     except ScenarioError:
-        raise ScenarioError(f"{shown}: the value cannot be read. Write it like 1.4 Hz, true or [1, 2, 3].") from None
+        raise ScenarioError(f"{shown}: the value cannot be read. Write it like 1.4 Hz, true or [4 mm, 2 mm].") from None
     return at_option(parsed)
 
 

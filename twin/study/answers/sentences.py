@@ -66,11 +66,11 @@ def pass_sentences(answers: Answers) -> list[Sentence]:
     if not missed:
         names = len({rate.name for rate in answers.shares})
         count = max(rate.count for rate in answers.shares)
-        expectations = "the expectation holds" if names == 1 else f"all {names} expectations hold"
+        requirements = "the requirement holds" if names == 1 else f"all {names} requirements hold"
         worst = max(filter(None, (worst_case(answers, rate) for rate in answers.shares)), default=None)
         closest = f"; closest to its limit: case {worst.number}, {worst.text}" if worst else ""
         unit = "samples" if len(answers.study.variants) > 1 else "cases"
-        text = f"{expectations.capitalize()} in each of {count} {unit}{closest}."
+        text = f"{requirements.capitalize()} in each of {count} {unit}{closest}."
         return [Sentence(text, worst.number if worst else None)]
     is_sampled, sentences = answers.study.design.method not in ("one_at_a_time", "grid"), list[Sentence]()
     for rate in missed[:MAX_SENTENCES]:
@@ -288,7 +288,7 @@ def effect_text(answers: Answers, driver: MetricSensitivity, effect: Effect) -> 
     """Return the size of an effect: `rank correlation -0.62, 95 % confidence interval -0.90 to -0.10`."""
     level = percent(answers.study.keys.confidence)
     if driver.kind == "morris":
-        own = common_format([effect.first, *effect.first_interval], answers.study.metrics[driver.metric].unit, True)
+        own = common_format([effect.first, *effect.first_interval], answers.formats[driver.metric].unit, True)
         low, high = map(own.number, effect.first_interval)
         return f"mean effect {own.text(effect.first)}, {level} confidence interval {low} to {high}"
     name, key = ("total Sobol index", "total") if driver.kind == "sobol" else ("rank correlation", "first")
@@ -341,5 +341,5 @@ def lowest_pass_rate(answers: Answers) -> tuple[str, str]:
     lowest = min(rate.part for rate in answers.shares)
     if lowest == 1.0 and not answers.failed:
         count = sum(entry.kind == "expectation" for entry in answers.left_out)
-        return "pass", "✓ every case passes" + (f", {count} expectation{'s' * (count > 1)} not judged" if count else "")
+        return "pass", "✓ every case passes" + (f", {count} requirement{'s' * (count > 1)} not judged" if count else "")
     return "warn", f"lowest pass rate {percent(lowest)}"

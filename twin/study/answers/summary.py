@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.results import common_format
+from twin.results import common_format, display_units
 from twin.study.answers import clusters as failing
 from twin.study.answers import paired, sensitivity, statistics
 
@@ -33,8 +33,9 @@ class Answers:
         self.drivers: list[MetricSensitivity] = sensitivity.drivers(cases)
         self.changes: list[Change] = sensitivity.changes(cases)
         self.pairs: list[PairedDifference] = paired.paired_differences(cases)
+        units = display_units({name: metric.unit for name, metric in self.study.metrics.items()})
         self.formats = {
-            name: common_format(values[np.isfinite(values)].tolist(), metric.unit, metric.is_difference)
+            name: common_format(values[np.isfinite(values)].tolist(), units[name], metric.is_difference)
             for name, metric in self.study.metrics.items()
             for values in [cases.metric(name)]
         }
@@ -64,7 +65,7 @@ class Answers:
         numbers = [number for number in (pair.mean, pair.low, pair.high) if np.isfinite(number)]
         largest = max(map(abs, numbers))
         digits = 2 - math.floor(math.log10(largest)) if largest else 0  # three significant ones of the largest
-        own = common_format([round(number, digits) for number in numbers], self.study.metrics[pair.metric].unit, True)
+        own = common_format([round(number, digits) for number in numbers], self.formats[pair.metric].unit, True)
         mean, *ends = (own.text(number) for number in numbers)
         return mean, " to ".join(end.partition(" ")[0] for end in ends)
 
