@@ -14,6 +14,9 @@ from tests.web.browser import browser, chromium  # noqa: F401 - fixtures
 pytestmark = pytest.mark.slow
 PageError = pytest.importorskip("playwright.sync_api").Error
 
+SIMULATED = (
+    "{simulated: true, cycle: 5 ms, nodes: {servomotor: {node: 1, profile: faulhaber_v3, watch_contact: false}}}"
+)
 INPUT = "command.live_speed[1]"
 SLOW = 2.0  # on a machine that is busy with other tests; the promise is tested in real time [s]
 PROMISE = 0.2  # [s]
@@ -22,7 +25,11 @@ TICK = 1 / 30  # what another page sees is as old as this [s]
 
 @pytest.fixture(scope="module")
 def served(tmp_path_factory, build):
-    with console(CARRIAGE, "--variant", "quiet", runs=tmp_path_factory.mktemp("runs"), build=build) as one:
+    """With simulated drives, whose dead-man time is that of real ones."""
+    bench = tmp_path_factory.mktemp("bench") / "bench.yaml"
+    bench.write_text(SIMULATED)
+    options = ("--variant", "quiet", "--hardware", bench)
+    with console(CARRIAGE, *options, runs=tmp_path_factory.mktemp("runs"), build=build) as one:
         yield one
 
 
@@ -158,7 +165,7 @@ def test_it_stays_at_rest_until_it_is_pressed_anew(served, page):
         page.wait_for_timeout(1800)  # the key is still down, and the page renews again
         assert page.text_content("#twin-message").endswith("Release and press again.")
         assert page.text_content(".twin-control b").startswith("0 ")
-        assert page.text_content(".twin-hands p[role=status]").startswith("Stopped: this page answered too late")
+        assert page.text_content(".twin-hands p[role=status]").startswith("Stopped by the dead-man switch")
         assert float(page.get_attribute(".twin-stick .knob", "cy")) == 0.0
         page.keyboard.up("ArrowUp")
         page.get_by_text("press Run, then hold a control.").wait_for()

@@ -115,6 +115,7 @@ def test_a_tick_holds_what_has_changed():
         "stop": "STOP",
         "operator": True,
         "attend": True,
+        "dropped": False,
         "phase": "running",
         "time": 1.5,
         "rate": None,
@@ -137,6 +138,7 @@ def test_a_tick_holds_what_has_changed():
         "stop": "",
         "operator": True,
         "attend": False,
+        "dropped": False,
         "phase": "",
         "held": {"jog": 0.5},
     }

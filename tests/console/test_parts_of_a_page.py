@@ -1,5 +1,6 @@
 """Parts of a page without a server: bar, operator menu, start page, requirements, summary."""
 
+import math
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -37,6 +38,7 @@ class Setting:
             "stop": 10.0,
             "controls": (),
             "scenes": (),
+            "fastest_rate": math.inf,
         }
         self.catalog = SimpleNamespace(**defaults | catalog)
         values = {"state": self.state, "catalog": self.catalog, "done": []}
@@ -120,6 +122,17 @@ def test_a_rate_that_is_not_listed_is_shown_as_real_time(setting, rate, shown):
     with one.page:
         page._bar(one.context)
     assert one.page.named("pace", ui.select).value == shown
+
+
+def test_with_controls_nothing_is_faster_than_real_time(setting):
+    """And a pace ends with its session: the next one has that of the command line."""
+    one = setting(fastest_rate=1.0)
+    with one.page:
+        page._bar(one.context)
+    pace = one.page.named("pace", ui.select)
+    assert list(pace.options) == [0.1, 0.2, 0.5, 1.0]
+    one.page.change(pace, 0.5)
+    assert (one.calls, one.console.rate) == ([("live", "pace", 0.5)], 1.0)
 
 
 def test_a_command_says_whether_it_was_executed(setting):

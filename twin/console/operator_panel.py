@@ -295,7 +295,7 @@ def condense(done: Sequence[ExecutedCommand], controls: Mapping[str, CatalogCont
             if now:
                 text = HELD if isinstance(given, bool) else f"{HELD} at {value}"
             elif command.kind == EXPIRED:
-                text = f"{RELEASED} by the dead-man switch, the page answered too late"
+                text = f"{RELEASED} by the dead-man switch: page too late or computer overloaded"
             else:
                 text = RELEASED
             condensed_commands.append(replace(command, text=f"{control.label}{text}"))

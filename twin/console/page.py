@@ -286,10 +286,11 @@ def _steps(context: PageContext, live: LiveSession, catalog: Catalog) -> None:
         context.on_press(lambda: live.step_macro),
     )
     _button("restart_alt", "reset: from the start, in a new folder", context.on_press(lambda: live.reset))
+    rates = {rate: text for rate, text in RATES.items() if rate <= catalog.fastest_rate}
     ui.select(
-        RATES,
-        value=live.state.rate if live.state.rate in RATES else 1.0,
-        on_change=lambda said: context.run(context.console.pace, said.value),
+        rates,
+        value=live.state.rate if live.state.rate in rates else 1.0,
+        on_change=lambda said: context.run(live.pace, said.value),
     ).props("dense options-dense borderless aria-label='pace'").classes("twin-rate")
 
 

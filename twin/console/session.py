@@ -194,12 +194,6 @@ class Host:
             if live is not None:
                 live.resume()
 
-    def pace(self, rate: float) -> None:
-        """Change the rate, of the next session too."""
-        if self.live is not None:
-            self.live.pace(rate)
-            self.rate = rate
-
     def release_hold(self) -> None:
         """Release all holds, of the session and of activities."""
         if self.live is not None:
