@@ -210,3 +210,26 @@ def test_a_session_that_is_over_says_so_beside_its_controls(tmp_path, build, bro
         assert page.text_content("#twin-message") == ""
         page.locator(".twin-done .twin-line", has_text=re.compile("^STOP$")).wait_for()
         page.get_by_label("one step of 1 ms").wait_for(state="hidden")
+
+
+@pytest.mark.parametrize("path", ["", "bench"])
+def test_a_page_without_its_server_says_what_stop_does_not_reach(tmp_path, build, browser, path):  # noqa: F811
+    """On both pages: gray, with STOP disabled once nothing can arrive; as before when the server answers again."""
+    bench = tmp_path / "bench.yaml"
+    bench.write_text(SIMULATED)
+    with console(CARRIAGE, "--variant", "quiet", "--hardware", bench, runs=tmp_path, build=build) as served:
+        page = browser.new_page()
+        page.goto(f"http://{served.host}/{path}?token={served.token}", wait_until="commit")
+        page.wait_for_selector("text=operates", timeout=60_000)
+        warning = page.locator(".twin-disconnected")
+        served.process.send_signal(signal.SIGSTOP)
+        warning.wait_for(timeout=20_000)
+        assert warning.text_content().startswith("No answer from the server: STOP may not reach the drives.")
+        assert page.is_enabled("#twin-stop")
+        served.process.send_signal(signal.SIGCONT)
+        warning.wait_for(state="hidden")
+        served.process.kill()
+        page.wait_for_selector("text=Connection lost: STOP does not reach the drives. Use the hardware emergency stop.")
+        assert page.is_disabled("#twin-stop")
+        assert page.eval_on_selector(".q-page-container", "one => getComputedStyle(one).pointerEvents") == "none"
+        page.close()
