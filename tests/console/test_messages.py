@@ -190,6 +190,9 @@ def test_the_button_that_ends_everything(hardware, phase, operated, label):
     live = SimpleNamespace(state=SimpleNamespace(phase=phase), catalog=SimpleNamespace(controls=controls))
     assert Host(hardware=hardware, live=live).stop_label == label
     assert Host(hardware=hardware, live=live).catalog is live.catalog
+    live.catalog = None  # it is being prepared: nothing moves that could be stopped
+    if phase == "running":
+        assert Host(hardware=hardware, live=live).stop_label == ("STOP" if hardware else "End")
     assert (Host().stop_label, Host().catalog, Host().source, Host().drives_in_use) == ("", None, None, "")
 
 

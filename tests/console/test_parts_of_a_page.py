@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 pytest.importorskip("nicegui")
@@ -38,6 +39,8 @@ class Setting:
             "stop": 10.0,
             "controls": (),
             "scenes": (),
+            "targets": {},
+            "warnings": (),
             "fastest_rate": math.inf,
         }
         self.catalog = SimpleNamespace(**defaults | catalog)
@@ -325,7 +328,7 @@ def test_slow_judgments_leave_the_server_to_the_joysticks(setting, monkeypatch):
     ("changes", "controls", "shown"),
     [
         ({"time": 9.9}, (), []),
-        ({"time": 10.0}, (), ["The scenario has reached its end, 10 s.", "End", "change and compare"]),
+        ({"time": 10.0}, (), ["The scenario has reached its end, 10 s.", "change and compare"]),
         ({"time": 10.0}, ("hand",), []),
         ({"time": 10.0, "phase": "running"}, (), []),
         ({"phase": "stopped"}, (), ["The session is over.", "again", "another scenario"]),
@@ -354,7 +357,6 @@ def test_the_end_of_a_session(setting, changes, controls, shown, scenes):
     targets = {"signals in the viewer": "/signals"} | ({"replay of the scene": "/replay"} if scenes else {})
     assert links == (targets if "folder" in changes else {})
     calls = {
-        "End": ("console", "stop"),
         "change and compare": ("live", "reset"),
         "again": ("console", "restart", "a"),
         "another scenario": ("console", "leave"),
@@ -366,6 +368,52 @@ def test_the_end_of_a_session(setting, changes, controls, shown, scenes):
     labels = one.page.elements(ui.label)
     one.page.tick()
     assert one.page.elements(ui.label) == labels
+
+
+FORCE = SimpleNamespace(factor=1.0, offset=0.0, display_unit="N")
+TIP = SimpleNamespace(factor=1e3, offset=0.0, display_unit="mm")
+GOALS = {"signal": "tip.x", "tolerance": 1e-3, "points": {"near": [0.01]}}
+LOUD = {"signal": "wall.force", "above": 2.0, "text": "high force"}
+BENT = {"signal": "wall.bent", "above": 0, "text": "it buckles"}
+
+
+@pytest.mark.parametrize(
+    ("force", "bent", "goal", "verdict", "kind", "rows"),
+    [
+        ([0.5, 1.0, 1.5], 0, 0.01, "pass", "Passed", []),
+        ([0.5, 1.0, 1.5], 0, 0.03, "pass", "Targets left", []),
+        ([0.5, 4.891, 2.5], 0, 0.01, "pass", "Failed", []),
+        ([0.5, 1.0, 1.5], 1, 0.01, "pass", "Failed", []),
+        ([0.5, 1.0, 1.5], 0, 0.01, "fail", "Failed", ["Not met: behind", "-45 mm"]),
+    ],
+)
+def test_the_result_of_a_session_counts_safety(setting, force, bent, goal, verdict, kind, rows):
+    """All targets reached with a high force is no success; the card has the peak, and how long it was exceeded."""
+    one = setting(targets=GOALS | {"points": {"near": [goal]}}, warnings=(LOUD, BENT), every=0.5)
+    one.catalog.signals = {"wall.force": FORCE, "wall.bent": FORCE, "tip.x": TIP}
+    values = {"wall.force": np.array(force), "wall.bent": np.array([0, bent, 0]), "tip.x": np.array([0.0, 0.005, 0.01])}
+    one.live.values["read"] = lambda names: SimpleNamespace(
+        time=np.array([0.0, 0.5, 1.0]), values={name: values[name] for name in names}
+    )
+    one.context.verdicts = SimpleNamespace(
+        rows=lambda: [Row(verdict, "behind", "-45 mm"), Row("", "mean", "1 N", True)]
+    )
+    with one.page:
+        summary.banner(one.context)
+    one.page.tick()
+    assert one.page.shown() == []
+    one.state.phase = "stopped"
+    one.page.tick()
+    shown = one.page.shown()
+    card = shown[shown.index("another scenario") + 1 :]
+    count = sum(value > 2.0 for value in force)
+    loud = f"{f'for {0.5 * count:.1f} s' if count else 'never'}; at most {max(force):.4g} N, limit 2 N"
+    state = (
+        "All 1 targets reached in 0.5 s, path length 10 mm" if goal == 0.01 else "0 of 1 targets, next: near; 0.5 s, "
+    )
+    assert card[0] == kind
+    assert card[1].startswith(state)
+    assert card[2:] == [*rows, "Warning: high force", loud, "Warning: it buckles", "for 0.5 s" if bent else "never"]
 
 
 def test_a_scenario_without_an_end_does_not_reach_it(setting):

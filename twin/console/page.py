@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
 
     from twin.console.session import Host, Panel
+    from twin.console.verdicts import SessionVerdicts
     from twin.live import Catalog, LiveSession
 
 STATIC = Path(__file__).parent / "static"
@@ -54,6 +55,7 @@ class PageContext:
     def __init__(self, console: Host, client: Client) -> None:
         self.console, self.client = console, client
         self.shown_space = FLAT  # number of the shown picture, which outlasts a session
+        self.verdicts: SessionVerdicts | None = None  # of the shown session
 
     def is_operator(self) -> bool:
         """Return whether this page operates."""
@@ -200,6 +202,7 @@ def _session(context: PageContext) -> None:
     catalog = console.catalog
     assert catalog is not None
     assert console.live is not None
+    context.verdicts = None
     added = [panel for panel in panels() if not panel.path and (catalog.hardware or not panel.hardware)]
     _bar(context)
     with ui.element("div").classes("twin-desk"):

@@ -158,7 +158,7 @@ class Host:
             return "STOP"
         if self.live is None or not self.is_open:
             return ""
-        return "STOP" if self.live.catalog is None or self.live.catalog.controls else "End"
+        return "STOP" if self.live.catalog is not None and self.live.catalog.controls else "End"
 
     def metrics_before(self, run: Any) -> dict[str, str]:
         """Return the metrics of the run before this one, by name; `run`: identity of this one."""

@@ -6,6 +6,7 @@ import asyncio
 import subprocess
 import sys
 import time
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 from nicegui import run as nicegui_run
 from nicegui import ui
 
-from twin.console import operator_panel
-from twin.console.verdicts import METRIC, NOT_JUDGED, WAITING, SessionVerdicts, headline
+from twin.console import operator_panel, targets
+from twin.console.verdicts import METRIC, NOT_JUDGED, WAITING, Row, SessionVerdicts, headline, warning_rows
 from twin.errors import TwinError
 from twin.live import OVER
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
     from twin.console.page import PageContext
     from twin.console.session import Host
+    from twin.live import LiveSession
 
 JUDGE_PERIOD = 1.0  # [s]
 QUICK = (
@@ -78,6 +80,7 @@ def panel(context: PageContext, failed: ui.label) -> None:
         return
     if not verdicts.expectations and not verdicts.metrics:
         return
+    context.verdicts = verdicts
     fill_list = partial(judged, console, verdicts, failed)
     operator_panel.section("Requirements and metrics", fill_list, not verdicts.catalog.controls, lazy=False)
 
@@ -107,17 +110,58 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
         column.clear()
         with column:
             for row in rows:
-                icon, color = SYMBOLS.get(row.verdict, SYMBOLS[WAITING])
-                with ui.row().classes("no-wrap full-width gap-2 twin-verdict"):
-                    ui.icon(icon).classes(color).props(f"role=img aria-label='{row.verdict or 'metric'}'")
-                    with ui.column().classes("gap-0"):
-                        ui.label(row.name).classes("twin-line")
-                        past = before.get(row.name)
-                        ui.label(f"{row.detail}; the run before: {past}" if past else row.detail).classes(
-                            "twin-soft twin-line"
-                        )
+                past = before.get(row.name)
+                listed(row, f"{row.detail}; the run before: {past}" if past else row.detail)
 
     ui.timer(JUDGE_PERIOD, judge)
+
+
+def listed(row: Row, detail: str) -> None:
+    """Create a row of the list with the symbol of its verdict."""
+    icon, color = SYMBOLS.get(row.verdict, SYMBOLS[WAITING])
+    with ui.row().classes("no-wrap full-width gap-2 twin-verdict"):
+        ui.icon(icon).classes(color).props(f"role=img aria-label='{row.verdict or 'metric'}'")
+        with ui.column().classes("gap-0"):
+            ui.label(row.name).classes("twin-line")
+            ui.label(detail).classes("twin-soft twin-line")
+
+
+@dataclass(frozen=True)
+class SessionResult:
+    """Result of a session that is over: passed, failed or targets left; its score in words; requirements; warnings."""
+
+    kind: str = ""
+    score: str = ""
+    requirements: tuple[Row, ...] = ()
+    warnings: tuple[Row, ...] = ()
+
+
+def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> SessionResult:
+    """Return the result of a session: it fails with a requirement that is not met, or a warning that was shown."""
+    rows = [row for row in (verdicts.rows() if verdicts is not None else []) if not row.is_metric]
+    warnings = warning_rows(live)
+    words, is_complete = "", True
+    if live.catalog is not None and live.catalog.targets:
+        score = targets.session_score(live) or targets.Score({})
+        words = targets.session_text(score, live.catalog)
+        is_complete = len(score.reached) == len(live.catalog.targets["points"])
+    judged = [row.verdict for row in (*rows, *warnings) if row.verdict in ("pass", "fail")]
+    kind = "failed" if "fail" in judged else "targets left" if not is_complete else "passed" if judged else ""
+    return SessionResult(kind, words, tuple(rows), tuple(warnings))
+
+
+def result_card(result: SessionResult) -> None:
+    """Create the card: verdict, score, requirements that are not met, all warnings."""
+    with ui.column().classes("twin-result full-width gap-1").mark("result"):
+        with ui.row().classes("items-center gap-2"):
+            color = {"failed": "twin-bad", "passed": "twin-good"}.get(result.kind, "twin-warn")
+            ui.label(result.kind.capitalize()).classes(f"twin-state {color}")
+            ui.label(result.score or headline(list(result.requirements), True)).classes("twin-h")
+        for row in result.requirements:
+            if row.verdict == "fail":
+                listed(replace(row, name=f"Not met: {row.name}"), row.detail)
+        for row in result.warnings:
+            listed(replace(row, name=f"Warning: {row.name}"), row.detail)
 
 
 def banner(context: PageContext) -> None:
@@ -128,7 +172,7 @@ def banner(context: PageContext) -> None:
     over = ui.row().classes("twin-over items-center full-width")
     shown = [""]
 
-    def update() -> None:
+    async def update() -> None:
         state = live.state
         reached = state.phase == "paused" and state.time >= catalog.stop > 0.0 and not catalog.controls
         kind = state.phase if state.phase in OVER else "reached" if reached else ""
@@ -139,8 +183,13 @@ def banner(context: PageContext) -> None:
         over.clear()
         with over:
             fill(context, kind)
+        if kind in OVER:
+            result = await nicegui_run.io_bound(session_result, live, context.verdicts)
+            if result is not None and result.kind:
+                with over:
+                    result_card(result)
 
-    update()
+    over.visible = False
     ui.timer(0.2, update)
 
 
@@ -160,7 +209,6 @@ def fill(context: PageContext, kind: str) -> None:
         ui.button(text, on_click=context.on_press(lambda: action, *arguments)).props("dense no-caps outline")
 
     if kind == "reached":
-        button("End", console.stop)
         button("change and compare", live.reset)
     elif kind:
         if state.folder:
