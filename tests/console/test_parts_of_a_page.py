@@ -217,7 +217,7 @@ def test_a_scenario_is_picked(setting, monkeypatch):
     beat = ["beat", "Beat, 2\N{NO-BREAK SPACE}s"]
     operate = [
         "teleoperation",
-        "start here",
+        "has controls",
         "Robot, until you end it",
         "valve",
         "has controls",
@@ -226,18 +226,24 @@ def test_a_scenario_is_picked(setting, monkeypatch):
     assert one.page.shown() == [
         "Select a scenario",
         *("Recent", *beat),
+        *("Start here", *operate[:3]),
         *("Operate", *operate),
         *("Force on the beating heart", *beat),
     ]
     images = [each.content.split('"')[1] for each in one.page.elements(ui.html)]
-    assert images == [f"/console/topics/{topic}.svg" for topic in ("force", "operate", "operate", "force")]
+    assert images == [f"/console/topics/{topic}.svg" for topic in ("force", "operate", "operate", "operate", "force")]
     (search,) = one.page.elements(ui.input)
-    for text, count in (("valve", 1), (None, 4), ("none", 0), ("operate", 2)):
+    for text, count in (("valve", 1), (None, 5), ("none", 0), ("operate", 2)):
         one.page.change(search, text)
         cards = [each for each in one.page.elements() if "twin-pick" in each.classes]
         assert len(cards) == count
     one.page.send(cards[1], "click")
     assert one.calls == [("console", "begin", Path("valve.yaml"), "by hand")]
+    for text, begun in (("operate", []), ("none", []), ("beat", ["beat.yaml"]), ("robot", ["teleoperation.yaml"])):
+        one.calls.clear()
+        one.page.change(search, text)
+        one.page.send(search, "keydown.enter")  # one match, however often it is listed
+        assert [str(path) for _, _, path, _ in one.calls] == begun
 
 
 def test_recent_scenarios_are_the_last_that_ran(monkeypatch, tmp_path):

@@ -251,7 +251,10 @@ def _bar(context: PageContext) -> None:
         pause.props('outline no-caps aria-label="pause"').classes("twin-run")
         finishing = ui.spinner(size="24px").props('aria-label="the results are written"')
         title = catalog.title.removesuffix(f": {catalog.variants.get(catalog.variant)}") or catalog.scenario
-        ui.label(title).classes("twin-h ellipsis").tooltip(catalog.description or catalog.scenario)
+        ui.label(title).classes("twin-h ellipsis")
+        if catalog.description:
+            with ui.button(icon="info").props("flat round dense aria-label='about this scenario'"), ui.menu():
+                ui.markdown(catalog.description).classes("twin-about")
         if len(catalog.variants) > 1 and console.hardware is None:
             ui.select(
                 {name: f"{name}: {title}" if title != name else name for name, title in catalog.variants.items()},
