@@ -342,13 +342,18 @@ def test_slow_judgments_leave_the_server_to_the_joysticks(setting, monkeypatch):
         (
             {"phase": "stopped", "folder": "runs/rig/1"},
             ("hand",),
-            ["The session is over.", "signals in the viewer", "Results: runs/rig/1", "again", "another scenario"],
+            [
+                "The session is over.",
+                "replay and signals in the viewer",
+                "Results: runs/rig/1",
+                "again",
+                "another scenario",
+            ],
         ),
     ],
 )
-@pytest.mark.parametrize("scenes", [(), ({"lines": [{}], "points": [], "arrows": []},)])
-def test_the_end_of_a_session(setting, changes, controls, shown, scenes):
-    one = setting(controls=controls, scenes=scenes)
+def test_the_end_of_a_session(setting, changes, controls, shown):
+    one = setting(controls=controls)
     one.console.variant = "a"
     with one.page:
         summary.banner(one.context)
@@ -356,12 +361,9 @@ def test_the_end_of_a_session(setting, changes, controls, shown, scenes):
     assert (one.page.shown(), row.visible) == ([], False)
     vars(one.state).update(changes)
     one.page.tick()
-    if "folder" in changes and scenes:
-        shown = [*shown[:2], "replay of the scene", *shown[2:]]
     assert (one.page.shown(), row.visible) == (shown, bool(shown))
     links = {link.text: link.props["href"] for link in one.page.elements(ui.link)}
-    targets = {"signals in the viewer": "/signals"} | ({"replay of the scene": "/replay"} if scenes else {})
-    assert links == (targets if "folder" in changes else {})
+    assert links == ({"replay and signals in the viewer": "/signals"} if "folder" in changes else {})
     calls = {
         "change and compare": ("live", "reset"),
         "again": ("console", "restart", "a"),

@@ -34,7 +34,7 @@ JUDGE_PERIOD = 1.0  # [s]
 QUICK = (
     0.05  # a judgment that takes longer is followed by a pause of ten times its duration [s]: joysticks need the server
 )
-PAGES = {"/signals": ("signals.html",), "/replay": ("scene.html", "--scene")}  # file and options of `twin view`
+PAGE = "signals.html"
 SYMBOLS = {
     "pass": ("check_circle", "twin-good"),
     "fail": ("cancel", "twin-bad"),
@@ -45,26 +45,25 @@ SYMBOLS = {
 
 
 def register(app: FastAPI, console: Host) -> None:
-    """Serve signals and scenes of the latest session, as the pages that `twin view FOLDER --output` writes."""
+    """Serve the latest session in the viewer, as the page that `twin view FOLDER --output` writes."""
     from starlette.responses import FileResponse, PlainTextResponse
 
-    async def page(request: Request) -> Response:
+    async def page(_: Request) -> Response:
         live = console.live
         if live is None or live.state.phase not in OVER or not live.state.folder:
             return PlainTextResponse("The session is not over yet.", 404)
-        file, problem = await asyncio.to_thread(view_page, Path(live.state.folder), *PAGES[request.url.path])
+        file, problem = await asyncio.to_thread(view_page, Path(live.state.folder))
         return PlainTextResponse(problem, 500) if problem else FileResponse(file)
 
-    for path in PAGES:
-        app.add_route(path, page, methods=["GET"])
+    app.add_route("/signals", page, methods=["GET"])
 
 
-def view_page(folder: Path, name: str, *options: str) -> tuple[Path, str]:
-    """Write a page of a run unless it exists; return it and why it could not be written, or nothing."""
-    target = folder / name
+def view_page(folder: Path) -> tuple[Path, str]:
+    """Write the viewer's page of a run unless it exists; return it and why it could not be written, or nothing."""
+    target = folder / PAGE
     if target.is_file():
         return target, ""
-    words = ["-c", "from twin.cli import main; main()", "view", str(folder), *options, "--output", str(target)]
+    words = ["-c", "from twin.cli import main; main()", "view", str(folder), "--output", str(target)]
     done = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False)
     return target, done.stderr if done.returncode else ""
 
@@ -157,11 +156,12 @@ def result_card(result: SessionResult) -> None:
             color = {"failed": "twin-bad", "passed": "twin-good"}.get(result.kind, "twin-warn")
             ui.label(result.kind.capitalize()).classes(f"twin-state {color}")
             ui.label(result.score or headline(list(result.requirements), True)).classes("twin-h")
-        for row in result.requirements:
-            if row.verdict == "fail":
-                listed(replace(row, name=f"Not met: {row.name}"), row.detail)
-        for row in result.warnings:
-            listed(replace(row, name=f"Warning: {row.name}"), row.detail)
+        with ui.element("div").classes("twin-result-rows full-width"):
+            for row in result.requirements:
+                if row.verdict == "fail":
+                    listed(replace(row, name=f"Not met: {row.name}"), row.detail)
+            for row in result.warnings:
+                listed(replace(row, name=f"Warning: {row.name}"), row.detail)
 
 
 def banner(context: PageContext) -> None:
@@ -212,10 +212,7 @@ def fill(context: PageContext, kind: str) -> None:
         button("change and compare", live.reset)
     elif kind:
         if state.folder:
-            ui.link("signals in the viewer", "/signals", new_tab=True)
-            scenes = console.catalog.scenes if console.catalog is not None else ()
-            if any(scene["lines"] or scene["points"] or scene["arrows"] for scene in scenes):  # not in space alone
-                ui.link("replay of the scene", "/replay", new_tab=True)
+            ui.link("replay and signals in the viewer", "/signals", new_tab=True)
             ui.label(f"Results: {state.folder}").classes("twin-soft twin-line")
         button("again", console.restart, console.variant)
         button("another scenario", console.leave)
