@@ -16,7 +16,7 @@ from tests.console.without_a_process import Recorder
 from twin.console import page, start_page, summary
 from twin.console.page import NOT_OPERATOR, PageContext
 from twin.console.session import Host
-from twin.console.verdicts import Row
+from twin.console.verdicts import Row, headline
 from twin.errors import TwinError
 from twin.scenario.scenario_paths import Overview
 
@@ -136,6 +136,17 @@ def test_with_controls_nothing_is_faster_than_real_time(setting):
     assert list(pace.options) == [0.1, 0.2, 0.5, 1.0]
     one.page.change(pace, 0.5)
     assert (one.calls, one.console.rate) == ([("live", "pace", 0.5)], 1.0)
+
+
+@pytest.mark.parametrize("description", ["", "Two `rigs` follow a joystick."])
+def test_a_description_is_behind_a_button(setting, description):
+    """As a tooltip it covered the banner wherever the mouse rested."""
+    one = setting(description=description)
+    with one.page:
+        page._bar(one.context)
+    (title,) = [label for label in one.page.elements(ui.label) if label.text == "Rig"]
+    assert not [child for slot in title.slots.values() for child in slot.children]
+    assert [text.content for text in one.page.elements(ui.markdown)] == [description] * bool(description)
 
 
 def test_a_command_says_whether_it_was_executed(setting):
@@ -422,6 +433,27 @@ def test_the_result_of_a_session_counts_safety(setting, force, bent, goal, verdi
     assert card[0] == kind
     assert card[1].startswith(state)
     assert card[2:] == [*rows, "Warning: high force", loud, "Warning: it buckles", "for 0.5 s" if bent else "never"]
+
+
+def test_the_result_counts_what_the_list_counts(setting):
+    """Also metrics with a reference."""
+    one = setting()
+    rows = [
+        Row("pass", "near", "3 mm"),
+        Row("fail", "error", "9 mN; reference 5 mN", True),
+        Row("", "mean", "1 N", True),
+    ]
+    one.context.verdicts = SimpleNamespace(rows=lambda: rows)
+    one.state.phase = "stopped"
+    with one.page:
+        summary.banner(one.context)
+    one.page.tick()
+    assert one.page.shown()[-4:] == [
+        "Failed",
+        headline(rows, True),
+        "Not met: error",
+        "9 mN; reference 5 mN",
+    ]
 
 
 def test_a_scenario_without_an_end_does_not_reach_it(setting):

@@ -127,7 +127,7 @@ def listed(row: Row, detail: str) -> None:
 
 @dataclass(frozen=True)
 class SessionResult:
-    """Result of a session that is over: passed, failed or targets left; its score in words; requirements; warnings."""
+    """Result of a session that is over: passed, failed or targets left; its score in words; requirements and metrics; warnings."""
 
     kind: str = ""
     score: str = ""
@@ -137,7 +137,7 @@ class SessionResult:
 
 def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> SessionResult:
     """Return the result of a session: it fails with a requirement that is not met, or a warning that was shown."""
-    rows = [row for row in (verdicts.rows() if verdicts is not None else []) if not row.is_metric]
+    rows = verdicts.rows() if verdicts is not None else []
     warnings = warning_rows(live)
     words, is_complete = "", True
     if live.catalog is not None and live.catalog.targets:

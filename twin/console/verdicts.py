@@ -111,7 +111,7 @@ class SessionVerdicts:
             )
             is_final = metric_result.verdict == "pass" or metric_result.metric.name not in unfinished
             verdict = metric_result.verdict if metric_result.verdict in ("pass", "fail") and is_final else METRIC
-            name = metric_result.metric.description or metric_result.metric.name
+            name = metric_result.metric.description or metric_result.metric.name.replace("_", " ")
             rows.append(
                 Row(
                     verdict,
