@@ -59,8 +59,8 @@ def single_case_yaml(scenario: ScenarioSpec, case: Case, record: Sequence[str]) 
     targets, warnings = scenario.console_targets, scenario.console_warnings
     if targets is not None and has_member(case, targets.signal):
         console["targets"] = root.find(("console", "targets"))
-    if kept := [i for i, warning in enumerate(warnings) if has_member(case, warning.signal)]:
-        console["warnings"] = Node([root.find(("console", "warnings", i)) for i in kept], location)
+    if indices := [i for i, warning in enumerate(warnings) if has_member(case, warning.signal)]:
+        console["warnings"] = Node([root.find(("console", "warnings", i)) for i in indices], location)
     if console:
         entries["console"] = Node(console, location)
     if groups := root.entries.get("groups"):  # of members that all are in this variant
