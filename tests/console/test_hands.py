@@ -14,6 +14,9 @@ from tests.web.browser import browser, chromium  # noqa: F401 - fixtures
 pytestmark = pytest.mark.slow
 PageError = pytest.importorskip("playwright.sync_api").Error
 
+SIMULATED = (
+    "{simulated: true, cycle: 5 ms, nodes: {servomotor: {node: 1, profile: faulhaber_v3, watch_contact: false}}}"
+)
 INPUT = "command.live_speed[1]"
 SLOW = 2.0  # on a machine that is busy with other tests; the promise is tested in real time [s]
 PROMISE = 0.2  # [s]
@@ -22,7 +25,11 @@ TICK = 1 / 30  # what another page sees is as old as this [s]
 
 @pytest.fixture(scope="module")
 def served(tmp_path_factory, build):
-    with console(CARRIAGE, "--variant", "quiet", runs=tmp_path_factory.mktemp("runs"), build=build) as one:
+    """With simulated drives, whose dead-man time is that of real ones."""
+    bench = tmp_path_factory.mktemp("bench") / "bench.yaml"
+    bench.write_text(SIMULATED)
+    options = ("--variant", "quiet", "--hardware", bench)
+    with console(CARRIAGE, *options, runs=tmp_path_factory.mktemp("runs"), build=build) as one:
         yield one
 
 
@@ -158,7 +165,7 @@ def test_it_stays_at_rest_until_it_is_pressed_anew(served, page):
         page.wait_for_timeout(1800)  # the key is still down, and the page renews again
         assert page.text_content("#twin-message").endswith("Release and press again.")
         assert page.text_content(".twin-control b").startswith("0 ")
-        assert page.text_content(".twin-hands p[role=status]").startswith("Stopped: this page answered too late")
+        assert page.text_content(".twin-hands p[role=status]").startswith("Stopped by the dead-man switch")
         assert float(page.get_attribute(".twin-stick .knob", "cy")) == 0.0
         page.keyboard.up("ArrowUp")
         page.get_by_text("press Run, then hold a control.").wait_for()
@@ -203,3 +210,26 @@ def test_a_session_that_is_over_says_so_beside_its_controls(tmp_path, build, bro
         assert page.text_content("#twin-message") == ""
         page.locator(".twin-done .twin-line", has_text=re.compile("^STOP$")).wait_for()
         page.get_by_label("one step of 1 ms").wait_for(state="hidden")
+
+
+@pytest.mark.parametrize("path", ["", "bench"])
+def test_a_page_without_its_server_says_what_stop_does_not_reach(tmp_path, build, browser, path):  # noqa: F811
+    """On both pages: gray, with STOP disabled once nothing can arrive; as before when the server answers again."""
+    bench = tmp_path / "bench.yaml"
+    bench.write_text(SIMULATED)
+    with console(CARRIAGE, "--variant", "quiet", "--hardware", bench, runs=tmp_path, build=build) as served:
+        page = browser.new_page()
+        page.goto(f"http://{served.host}/{path}?token={served.token}", wait_until="commit")
+        page.wait_for_selector("text=operates", timeout=60_000)
+        warning = page.locator(".twin-disconnected")
+        served.process.send_signal(signal.SIGSTOP)
+        warning.wait_for(timeout=20_000)
+        assert warning.text_content().startswith("No answer from the server: STOP may not reach the drives.")
+        assert page.is_enabled("#twin-stop")
+        served.process.send_signal(signal.SIGCONT)
+        warning.wait_for(state="hidden")
+        served.process.kill()
+        page.wait_for_selector("text=Connection lost: STOP does not reach the drives. Use the hardware emergency stop.")
+        assert page.is_disabled("#twin-stop")
+        assert page.eval_on_selector(".q-page-container", "one => getComputedStyle(one).pointerEvents") == "none"
+        page.close()

@@ -115,6 +115,7 @@ def test_a_tick_holds_what_has_changed():
         "stop": "STOP",
         "operator": True,
         "attend": True,
+        "dropped": False,
         "phase": "running",
         "time": 1.5,
         "rate": None,
@@ -137,6 +138,7 @@ def test_a_tick_holds_what_has_changed():
         "stop": "",
         "operator": True,
         "attend": False,
+        "dropped": False,
         "phase": "",
         "held": {"jog": 0.5},
     }
@@ -188,6 +190,9 @@ def test_the_button_that_ends_everything(hardware, phase, operated, label):
     live = SimpleNamespace(state=SimpleNamespace(phase=phase), catalog=SimpleNamespace(controls=controls))
     assert Host(hardware=hardware, live=live).stop_label == label
     assert Host(hardware=hardware, live=live).catalog is live.catalog
+    live.catalog = None  # it is being prepared: nothing moves that could be stopped
+    if phase == "running":
+        assert Host(hardware=hardware, live=live).stop_label == ("STOP" if hardware else "End")
     assert (Host().stop_label, Host().catalog, Host().source, Host().drives_in_use) == ("", None, None, "")
 
 

@@ -115,7 +115,7 @@ def test_a_hold_is_two_lines():
         8: f"foot{HELD} at 2.0",
         9: "release a.x",
         10: f"hand{HELD} at -300 mm",
-        11: f"hand{RELEASED} by the dead-man switch, the page answered too late",
+        11: f"hand{RELEASED} by the dead-man switch: page too late or computer overloaded",
         13: f"valve{HELD}",
         14: f"valve{RELEASED}",
         15: "End",

@@ -141,6 +141,8 @@ def test_a_telephone_shows_picture_joysticks_curves_and_then_values(page):
         page.locator(one).first.bounding_box()["y"]
         for one in (".twin-picture", ".twin-controls", ".twin-chart", ".twin-panels")
     ]
+    for button in ("one step of 1 ms", "reset"):
+        page.get_by_label(button, exact=True).wait_for()
     page.set_viewport_size({"width": 1400, "height": 1000})
     assert order == sorted(order)
     assert page.locator(".twin-controls").bounding_box()["x"] == page.locator(".twin-panels").bounding_box()["x"] > 700

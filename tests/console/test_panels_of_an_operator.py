@@ -32,7 +32,7 @@ class Setting:
     def __init__(self, monkeypatch, *signals, **catalog):
         self.calls = []
         self.state = SimpleNamespace(phase="paused", values={}, overridden={}, time=0.0, epoch=1, hardware=None)
-        defaults = {"controls": (), "events": (), "parameters": {}, "scenario": "rig", "targets": None}
+        defaults = {"controls": (), "events": (), "parameters": {}, "scenario": "rig", "targets": None, "warnings": ()}
         self.catalog = SimpleNamespace(signals={one.name: one for one in signals}, **defaults | catalog)
         values = {"state": self.state, "catalog": self.catalog, "done": []}
         self.live = Recorder("live", self.calls, values)
@@ -87,8 +87,36 @@ def test_a_number_that_is_refused_stays_as_it_was_entered(setting, value, why):
     one.page.change(field, value)
     for event in ("keydown.enter", "blur"):
         one.page.send(field, event)
-    assert (field.value, field.error, one.calls) == (value, why, [])
-    assert slider.value == (6.0 if value is None else min(max(value, 2.0), 12.0))
+    assert (field.value, field.error, one.calls) == (value, f"{why}; still 6", [])
+    assert slider.value == 6.0  # what is in force
+
+
+def test_a_number_that_the_session_refuses_goes_back(setting):
+    one = setting()
+
+    def refuse(*_):
+        raise RefusedError("the log of this session is full.")
+
+    one.live.values["set"] = refuse
+    with one.page:
+        operator_panel.row(one.context, one.live, "a.k", signal("a.k", low=0.0, high=4.0))
+    (field,), (slider,) = one.page.elements(ui.number), one.page.elements(ui.slider)
+    one.page.change(field, 3.0)
+    one.page.send(field, "keydown.enter")
+    assert (field.value, slider.value, one.page.notes) == (1.0, 1.0, ["the log of this session is full."])
+
+
+def test_nothing_can_be_changed_after_the_end(setting):
+    one = setting(signal("a.x"), events=())
+    with one.page:
+        operator_panel.panel(one.context, lambda: None)
+    sections = {each.text: each for each in one.page.elements(ui.expansion)}
+    one.page.tick()
+    assert not any("inert" in each.props for each in sections.values())
+    one.state.phase = "stopped"
+    one.page.tick()
+    locked = [text for text, each in sections.items() if "inert" in each.props]
+    assert locked == ["Inputs and parameters", "Override outputs"]  # the commands can still be downloaded
 
 
 @pytest.mark.parametrize(
@@ -350,9 +378,18 @@ def test_the_score_follows_the_signal(setting):
     def refuse(_):
         raise RefusedError("nothing was recorded.")
 
-    for read in (refuse, lambda _: None, lambda _: SimpleNamespace(time=np.array([]))):
+    for read in (refuse, lambda _: SimpleNamespace(time=np.array([]))):
         one.live.values["read"] = read
         one.page.tick()
+    warning = {"signal": "a.tip", "above": 1.5, "text": "too far"}
+    one.live.catalog.warnings, one.live.catalog.every = (warning,), 1.0
+    rows.values["a.tip"] = np.array([[0.0], [1.0], [2.0]])
+    one.live.values["read"] = lambda _: rows
+    one.page.tick()
+    line += "; too far for 1.0 s, at most 2000 mm, limit 1500 mm"
+    (score,) = [label for label in one.page.elements(ui.label) if label.text == line]
+    assert "twin-bad" in score.classes
+    marked.pop()
     one.live.values["read"], one.console.live = lambda _: rows, None  # another session has begun
     one.page.tick()
     assert (one.page.shown(), marked) == ([line], [["A"]])

@@ -1,8 +1,10 @@
 """Parts of a page without a server: bar, operator menu, start page, requirements, summary."""
 
+import math
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 pytest.importorskip("nicegui")
@@ -14,7 +16,7 @@ from tests.console.without_a_process import Recorder
 from twin.console import page, start_page, summary
 from twin.console.page import NOT_OPERATOR, PageContext
 from twin.console.session import Host
-from twin.console.verdicts import Row
+from twin.console.verdicts import Row, headline
 from twin.errors import TwinError
 from twin.scenario.scenario_paths import Overview
 
@@ -37,6 +39,9 @@ class Setting:
             "stop": 10.0,
             "controls": (),
             "scenes": (),
+            "targets": {},
+            "warnings": (),
+            "fastest_rate": math.inf,
         }
         self.catalog = SimpleNamespace(**defaults | catalog)
         values = {"state": self.state, "catalog": self.catalog, "done": []}
@@ -122,6 +127,28 @@ def test_a_rate_that_is_not_listed_is_shown_as_real_time(setting, rate, shown):
     assert one.page.named("pace", ui.select).value == shown
 
 
+def test_with_controls_nothing_is_faster_than_real_time(setting):
+    """And a pace ends with its session: the next one has that of the command line."""
+    one = setting(fastest_rate=1.0)
+    with one.page:
+        page._bar(one.context)
+    pace = one.page.named("pace", ui.select)
+    assert list(pace.options) == [0.1, 0.2, 0.5, 1.0]
+    one.page.change(pace, 0.5)
+    assert (one.calls, one.console.rate) == ([("live", "pace", 0.5)], 1.0)
+
+
+@pytest.mark.parametrize("description", ["", "Two `rigs` follow a joystick."])
+def test_a_description_is_behind_a_button(setting, description):
+    """As a tooltip it covered the banner wherever the mouse rested."""
+    one = setting(description=description)
+    with one.page:
+        page._bar(one.context)
+    (title,) = [label for label in one.page.elements(ui.label) if label.text == "Rig"]
+    assert not [child for slot in title.slots.values() for child in slot.children]
+    assert [text.content for text in one.page.elements(ui.markdown)] == [description] * bool(description)
+
+
 def test_a_command_says_whether_it_was_executed(setting):
     one, results = setting(), []
 
@@ -201,7 +228,7 @@ def test_a_scenario_is_picked(setting, monkeypatch):
     beat = ["beat", "Beat, 2\N{NO-BREAK SPACE}s"]
     operate = [
         "teleoperation",
-        "start here",
+        "has controls",
         "Robot, until you end it",
         "valve",
         "has controls",
@@ -210,18 +237,24 @@ def test_a_scenario_is_picked(setting, monkeypatch):
     assert one.page.shown() == [
         "Select a scenario",
         *("Recent", *beat),
+        *("Start here", *operate[:3]),
         *("Operate", *operate),
         *("Force on the beating heart", *beat),
     ]
     images = [each.content.split('"')[1] for each in one.page.elements(ui.html)]
-    assert images == [f"/console/topics/{topic}.svg" for topic in ("force", "operate", "operate", "force")]
+    assert images == [f"/console/topics/{topic}.svg" for topic in ("force", "operate", "operate", "operate", "force")]
     (search,) = one.page.elements(ui.input)
-    for text, count in (("valve", 1), (None, 4), ("none", 0), ("operate", 2)):
+    for text, count in (("valve", 1), (None, 5), ("none", 0), ("operate", 2)):
         one.page.change(search, text)
         cards = [each for each in one.page.elements() if "twin-pick" in each.classes]
         assert len(cards) == count
     one.page.send(cards[1], "click")
     assert one.calls == [("console", "begin", Path("valve.yaml"), "by hand")]
+    for text, begun in (("operate", []), ("none", []), ("beat", ["beat.yaml"]), ("robot", ["teleoperation.yaml"])):
+        one.calls.clear()
+        one.page.change(search, text)
+        one.page.send(search, "keydown.enter")  # one match, however often it is listed
+        assert [str(path) for _, _, path, _ in one.calls] == begun
 
 
 def test_recent_scenarios_are_the_last_that_ran(monkeypatch, tmp_path):
@@ -312,7 +345,7 @@ def test_slow_judgments_leave_the_server_to_the_joysticks(setting, monkeypatch):
     ("changes", "controls", "shown"),
     [
         ({"time": 9.9}, (), []),
-        ({"time": 10.0}, (), ["The scenario has reached its end, 10 s.", "End", "change and compare"]),
+        ({"time": 10.0}, (), ["The scenario has reached its end, 10 s.", "change and compare"]),
         ({"time": 10.0}, ("hand",), []),
         ({"time": 10.0, "phase": "running"}, (), []),
         ({"phase": "stopped"}, (), ["The session is over.", "again", "another scenario"]),
@@ -320,13 +353,18 @@ def test_slow_judgments_leave_the_server_to_the_joysticks(setting, monkeypatch):
         (
             {"phase": "stopped", "folder": "runs/rig/1"},
             ("hand",),
-            ["The session is over.", "signals in the viewer", "Results: runs/rig/1", "again", "another scenario"],
+            [
+                "The session is over.",
+                "replay and signals in the viewer",
+                "Results: runs/rig/1",
+                "again",
+                "another scenario",
+            ],
         ),
     ],
 )
-@pytest.mark.parametrize("scenes", [(), ({"lines": [{}], "points": [], "arrows": []},)])
-def test_the_end_of_a_session(setting, changes, controls, shown, scenes):
-    one = setting(controls=controls, scenes=scenes)
+def test_the_end_of_a_session(setting, changes, controls, shown):
+    one = setting(controls=controls)
     one.console.variant = "a"
     with one.page:
         summary.banner(one.context)
@@ -334,14 +372,10 @@ def test_the_end_of_a_session(setting, changes, controls, shown, scenes):
     assert (one.page.shown(), row.visible) == ([], False)
     vars(one.state).update(changes)
     one.page.tick()
-    if "folder" in changes and scenes:
-        shown = [*shown[:2], "replay of the scene", *shown[2:]]
     assert (one.page.shown(), row.visible) == (shown, bool(shown))
     links = {link.text: link.props["href"] for link in one.page.elements(ui.link)}
-    targets = {"signals in the viewer": "/signals"} | ({"replay of the scene": "/replay"} if scenes else {})
-    assert links == (targets if "folder" in changes else {})
+    assert links == ({"replay and signals in the viewer": "/signals"} if "folder" in changes else {})
     calls = {
-        "End": ("console", "stop"),
         "change and compare": ("live", "reset"),
         "again": ("console", "restart", "a"),
         "another scenario": ("console", "leave"),
@@ -353,6 +387,73 @@ def test_the_end_of_a_session(setting, changes, controls, shown, scenes):
     labels = one.page.elements(ui.label)
     one.page.tick()
     assert one.page.elements(ui.label) == labels
+
+
+FORCE = SimpleNamespace(factor=1.0, offset=0.0, display_unit="N")
+TIP = SimpleNamespace(factor=1e3, offset=0.0, display_unit="mm")
+GOALS = {"signal": "tip.x", "tolerance": 1e-3, "points": {"near": [0.01]}}
+LOUD = {"signal": "wall.force", "above": 2.0, "text": "high force"}
+BENT = {"signal": "wall.bent", "above": 0, "text": "it buckles"}
+
+
+@pytest.mark.parametrize(
+    ("force", "bent", "goal", "verdict", "kind", "rows"),
+    [
+        ([0.5, 1.0, 1.5], 0, 0.01, "pass", "Passed", []),
+        ([0.5, 1.0, 1.5], 0, 0.03, "pass", "Targets left", []),
+        ([0.5, 4.891, 2.5], 0, 0.01, "pass", "Failed", []),
+        ([0.5, 1.0, 1.5], 1, 0.01, "pass", "Failed", []),
+        ([0.5, 1.0, 1.5], 0, 0.01, "fail", "Failed", ["Not met: behind", "-45 mm"]),
+    ],
+)
+def test_the_result_of_a_session_counts_safety(setting, force, bent, goal, verdict, kind, rows):
+    """All targets reached with a high force is no success; the card has the peak, and how long it was exceeded."""
+    one = setting(targets=GOALS | {"points": {"near": [goal]}}, warnings=(LOUD, BENT), every=0.5)
+    one.catalog.signals = {"wall.force": FORCE, "wall.bent": FORCE, "tip.x": TIP}
+    values = {"wall.force": np.array(force), "wall.bent": np.array([0, bent, 0]), "tip.x": np.array([0.0, 0.005, 0.01])}
+    one.live.values["read"] = lambda names: SimpleNamespace(
+        time=np.array([0.0, 0.5, 1.0]), values={name: values[name] for name in names}
+    )
+    one.context.verdicts = SimpleNamespace(
+        rows=lambda: [Row(verdict, "behind", "-45 mm"), Row("", "mean", "1 N", True)]
+    )
+    with one.page:
+        summary.banner(one.context)
+    one.page.tick()
+    assert one.page.shown() == []
+    one.state.phase = "stopped"
+    one.page.tick()
+    shown = one.page.shown()
+    card = shown[shown.index("another scenario") + 1 :]
+    count = sum(value > 2.0 for value in force)
+    loud = f"{f'for {0.5 * count:.1f} s' if count else 'never'}; at most {max(force):.4g} N, limit 2 N"
+    state = (
+        "All 1 targets reached in 0.5 s, path length 10 mm" if goal == 0.01 else "0 of 1 targets, next: near; 0.5 s, "
+    )
+    assert card[0] == kind
+    assert card[1].startswith(state)
+    assert card[2:] == [*rows, "Warning: high force", loud, "Warning: it buckles", "for 0.5 s" if bent else "never"]
+
+
+def test_the_result_counts_what_the_list_counts(setting):
+    """Also metrics with a reference."""
+    one = setting()
+    rows = [
+        Row("pass", "near", "3 mm"),
+        Row("fail", "error", "9 mN; reference 5 mN", True),
+        Row("", "mean", "1 N", True),
+    ]
+    one.context.verdicts = SimpleNamespace(rows=lambda: rows)
+    one.state.phase = "stopped"
+    with one.page:
+        summary.banner(one.context)
+    one.page.tick()
+    assert one.page.shown()[-4:] == [
+        "Failed",
+        headline(rows, True),
+        "Not met: error",
+        "9 mN; reference 5 mN",
+    ]
 
 
 def test_a_scenario_without_an_end_does_not_reach_it(setting):

@@ -79,6 +79,7 @@ metrics:
   own: {signal: heart.position, reduce: max, unit: mm, variants: [base], description: its own, reference: {base: 2 mm}, tolerance: 1 %}
   foreign: {signal: heart.position, reduce: max, unit: mm, variants: [other]}
   hidden: {signal: heart.velocity, reduce: max, unit: mm/s}
+  at_end: {signal: heart.position, reduce: final, unit: mm}
 expect:
   - {name: here, signal: heart.position, at_most: 3 mm, variants: [base]}
   - {name: there, signal: heart.position, at_most: 3 mm, variants: [other]}
@@ -92,10 +93,10 @@ expect:
 @pytest.mark.parametrize(
     ("by_operator", "verdicts"),
     [
-        (False, {"here": "pass", "of own": "fail", "unchanged": "fail", "its own": "pass"}),
+        (False, {"here": "pass", "of own": "fail", "unchanged": "fail", "its own": "pass", "at end": ""}),
         (
             True,
-            {"here": "pass", "of own": "fail", "unchanged": "not judged", "its own": ""},
+            {"here": "pass", "of own": "fail", "unchanged": "not judged", "its own": "", "at end": ""},
         ),  # what was changed is no reproduction
     ],
 )
@@ -118,11 +119,11 @@ def test_what_can_be_judged(tmp_path, by_operator, verdicts):
     done = [SimpleNamespace(by_operator=by_operator, time=0.2), SimpleNamespace(by_operator=True, time=0.5)]  # too late
     live = SimpleNamespace(catalog=catalog, done=done, read=read, state=SimpleNamespace(phase="running"))
     found = SessionVerdicts(path, live)
-    assert list(found.metrics) == ["own"]
+    assert list(found.metrics) == ["own", "at_end"]
     found_rows = found.rows()
     assert {row.name: row.verdict for row in found_rows} == verdicts
     assert asked == [(["heart.position"], None, 0.5)]
-    (own,) = [row for row in found_rows if row.is_metric]
+    own, _ = [row for row in found_rows if row.is_metric]
     assert own.detail == "2 mm; reference 2 mm"
     live.read = lambda *_: SimpleNamespace(time=time[:0], values={"heart.position": np.zeros(0)})
     assert found.rows() is not None

@@ -43,17 +43,24 @@ class Socket:
         self.closed = code
 
 
+PAGES = ("page", "other")
+
+
 @pytest.fixture
 def serve():
-    """Serve a socket of a console; only `page` and `other` are pages."""
+    """Serve sockets of a console at once; only `pages` are pages."""
 
-    def run(console, socket):
+    def run(console, *sockets, pages=PAGES):
         app = SimpleNamespace(router=SimpleNamespace(routes=[]))
-        websocket.register(app, console, lambda client: client in ("page", "other"))
+        websocket.register(app, console, lambda client: client in pages)
         (route,) = app.router.routes
         assert route.path == "/wire"
-        asyncio.run(asyncio.wait_for(route.endpoint(socket), 10.0))
-        return socket
+
+        async def endpoints():
+            await asyncio.wait_for(asyncio.gather(*map(route.endpoint, sockets)), 10.0)
+
+        asyncio.run(endpoints())
+        return sockets[0]
 
     return run
 
@@ -77,6 +84,43 @@ def test_the_first_page_operates_until_it_leaves(serve):
     socket = serve(console, Socket(json.dumps({"watch": []})))
     assert [tick["operator"] for tick in socket.sent] == [False]
     assert (calls, console.operator_lock.operator) == (["page"], "other")
+
+
+def test_a_page_that_the_server_drops_operates_no_longer(serve, monkeypatch):
+    """Its buttons are dead: another page may operate, and this one reloads itself. Its STOP still arrives."""
+    monkeypatch.setattr(websocket, "PERIOD", 0.0)
+    console, pages, calls = Host(), ["page"], []
+    console.stop = lambda: calls.append(("stop", console.operator_lock.operator))
+    console.release_hold = lambda: calls.append("release")
+    watch, stop = json.dumps({"watch": []}), json.dumps({"stop": True})
+    socket = Socket(*[watch] * 5, *[watch] * 20, stop)
+    sent = socket.send_text
+
+    async def send_text(text):
+        await sent(text)
+        pages.clear()
+
+    socket.send_text = send_text
+    serve(console, socket, pages=pages)
+    assert [tick["dropped"] for tick in socket.sent][:2] == [False, True]
+    assert [tick["operator"] for tick in socket.sent][:2] == [True, False]
+    assert calls == ["release", ("stop", None)]
+
+
+def test_a_page_that_reconnects_before_its_old_socket_ends_goes_on(serve):
+    console, watch = Host(), json.dumps({"watch": []})
+    after = Socket(*[watch] * 9)
+    before, receive = Socket(), after.receive_text
+    seen = []
+
+    async def receive_text():
+        seen.append(console.operator_lock.operator)
+        return await receive()
+
+    after.receive_text = receive_text
+    serve(console, before, after)
+    assert seen == ["page"] * 10
+    assert console.operator_lock.pages == {}
 
 
 @pytest.mark.parametrize(("wrong", "closed"), [(19, None), (20, 1008), (25, 1008)])

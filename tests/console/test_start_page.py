@@ -6,7 +6,8 @@ import pytest
 
 pytest.importorskip("nicegui")
 
-from twin.console.start_page import START_HERE, TOPICS, group_scenarios, select_groups, shown_duration
+from twin.cli import demo
+from twin.console.start_page import TOPICS, group_scenarios, select_groups, shown_duration
 from twin.scenario import scenario_paths
 
 
@@ -17,9 +18,10 @@ def groups():
 
 def test_scenarios_are_grouped_by_topic(groups):
     by_heading = dict(groups)
-    assert list(by_heading) == ["Recent", *TOPICS.values(), "Others"]
+    assert list(by_heading) == ["Recent", "Start here", *TOPICS.values(), "Others"]
     assert [name for name, _ in by_heading["Recent"]] == ["racs"]
-    assert START_HERE in dict(by_heading["Operate"])
+    first = [line.split()[-1] for line in demo.EXAMPLES]  # as `twin demo` and `twin list` say
+    assert [name for name, _ in by_heading["Start here"]] == [name for name in first if name != "latest"]
     assert all(each.has_controls for _, each in by_heading["Operate"])
     assert dict(by_heading[TOPICS["force"]])["heart_wall_force"].duration == "22 s"
 

@@ -223,26 +223,25 @@ def test_requirements_are_listed_where_there_are_some(monkeypatch):
         ("running", "runs/1", "", (404, "The session is not over yet.")),
         ("stopped", "", "", (404, "The session is not over yet.")),
         ("stopped", "runs/1", "it failed.", (500, "it failed.")),
-        ("failed", "runs/1", "", (200, "runs/1 {}")),
+        ("failed", "runs/1", "", (200, "runs/1")),
     ],
 )
-@pytest.mark.parametrize(("path", "options"), [("/signals", ["signals.html"]), ("/replay", ["scene.html", "--scene"])])
-def test_pages_of_a_session_that_is_over(monkeypatch, tmp_path, phase, folder, problem, answer, path, options):
+def test_the_viewer_of_a_session_that_is_over(monkeypatch, tmp_path, phase, folder, problem, answer):
     routes = {}
     app = SimpleNamespace(add_route=lambda path, call, methods: routes.update({path: (call, methods)}))
     live = SimpleNamespace(state=SimpleNamespace(phase=phase, folder=folder)) if phase else None
     summary.register(app, Host(live=live))
     file = tmp_path / "page.html"
 
-    def view_page(*words):
-        file.write_text(" ".join(map(str, words)))
+    def view_page(folder):
+        file.write_text(str(folder))
         return file, problem
 
     monkeypatch.setattr(summary, "view_page", view_page)
-    call, methods = routes[path]
-    found = asyncio.run(call(SimpleNamespace(url=SimpleNamespace(path=path))))
+    call, methods = routes["/signals"]
+    found = asyncio.run(call(None))
     text = Path(found.path).read_text() if found.status_code == 200 else bytes(found.body).decode()
-    assert (found.status_code, text, methods) == (answer[0], answer[1].format(" ".join(options)), ["GET"])
+    assert (found.status_code, text, methods) == (answer[0], answer[1], ["GET"])
 
 
 @pytest.mark.parametrize(("code", "problem"), [(0, ""), (1, "error: no.")])
@@ -254,11 +253,11 @@ def test_a_page_of_a_run_is_written_once(monkeypatch, tmp_path, code, problem):
         return SimpleNamespace(returncode=code, stderr="error: no." if code else "a warning")
 
     monkeypatch.setattr(subprocess, "run", run)
-    target = tmp_path / "scene.html"
-    assert summary.view_page(tmp_path, "scene.html", "--scene") == (target, problem)
+    target = tmp_path / "signals.html"
+    assert summary.view_page(tmp_path) == (target, problem)
     ((words, options),) = calls
-    assert (words[0], words[3:]) == (sys.executable, ["view", str(tmp_path), "--scene", "--output", str(target)])
+    assert (words[0], words[3:]) == (sys.executable, ["view", str(tmp_path), "--output", str(target)])
     assert options == {"capture_output": True, "text": True, "check": False}
     target.touch()
-    assert summary.view_page(tmp_path, "scene.html", "--scene") == (target, "")
+    assert summary.view_page(tmp_path) == (target, "")
     assert len(calls) == 1

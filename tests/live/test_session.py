@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from tests.every_case import every_case
-from twin.live import EXPIRED
+from twin.live import EXPIRED, HOLD, SIMULATED_HOLD
 from twin.live.operator import commands
 from twin.live.pacing import checked_rate
 from twin.live.session import Session
@@ -87,6 +87,7 @@ def test_every_command_at_its_communication_point(tmp_path):
         states.append(copy.deepcopy(session.status()))
 
     def hold(session, _):
+        assert session.dead_man.longest == SIMULATED_HOLD
         session.dead_man.longest = 1e9  # a busy machine is no released hand
         return {"ask": "hold", "name": SPEED, "value": 0.02, "press": 1, "instant": wall.monotonic()}
 
@@ -117,9 +118,10 @@ def test_every_command_at_its_communication_point(tmp_path):
         note,
         {"ask": "step", "count": 20, "number": 13},
         note,
-        {"ask": "pace", "rate": 2, "number": 14},
+        {"ask": "pace", "rate": 0.5, "number": 14},
         {"ask": "pause", "number": 15},
         note,
+        {"ask": "pace", "rate": 1.1, "number": 17},  # controls: their dead-man times are those of the wall clock
         {"ask": "reset", "number": 16},
         note,
         {"ask": "stop"},
@@ -128,14 +130,17 @@ def test_every_command_at_its_communication_point(tmp_path):
     )
     assert times == [3, 5, 15, 15, 16, 16, 16, 76, 76, 96, 96, 0]
     refusals = {number: text for number, text in script.answers().items() if text}
-    assert refusals == {9: f"{SPEED}: moves only while held. Use its control."}
-    assert sorted(script.answers()) == list(range(1, 17))
+    assert refusals == {
+        9: f"{SPEED}: moves only while held. Use its control.",
+        17: "pace: 1.1 is above 1. A scenario with controls runs at most at real time.",
+    }
+    assert sorted(script.answers()) == list(range(1, 18))
     assert [state["overridden"] for state in states[3:6]] == [{POSITION: "3 mm"}, {POSITION: "3 mm"}, {}]
     assert [state["held"] for state in states[6:9]] == [{SPEED: 0.02}, {SPEED: 0.02}, {}]
     of_scenario = {"sensor.force": "0.1 N", "sensor.noise": "2 mN"}  # at 50 ms, and where the drive has moved for 3 ms
     assert states[7]["values"] == {MASS: 0.9, SPEED: 0.02, "command.pressed": True} | of_scenario
     assert states[8]["values"] == {MASS: 0.9, SPEED: 0.0, "command.pressed": False} | of_scenario
-    assert [state["rate"] for state in states[-3:]] == [math.inf, 2.0, 2.0]
+    assert [state["rate"] for state in states[-3:]] == [1.0, 0.5, 0.5]
     assert ({state["phase"] for state in states}, states[-1]["values"]) == ({"paused"}, {})
     done = [entry for part in script.all("done") for entry in part]
     first_run = done[: next(i for i, entry in enumerate(done) if entry["text"] == "set command.pressed = false") + 1]
@@ -256,7 +261,10 @@ def fake_session(**attributes):
         prepared={},
         drives=None,
         simulated=SimpleNamespace(time=0),
-        executor=SimpleNamespace(add_done=lambda _time, kind, text, *_, **__: calls.append((kind, text))),
+        executor=SimpleNamespace(
+            catalog=SimpleNamespace(fastest_rate=math.inf),
+            add_done=lambda _time, kind, text, *_, **__: calls.append((kind, text)),
+        ),
         calls=calls,
         end_stepping=lambda: calls.append("end_stepping"),
         begin_pace=lambda: calls.append("begin_pace"),
@@ -352,10 +360,25 @@ def test_a_fault_by_hand_happens_after_the_communication_point():
     assert written == [(fault, "fault", fault.text, {"by_operator": True})]
 
 
+@pytest.mark.slow
+def test_a_hold_with_drives_is_short(tmp_path):
+    """Also with simulated ones, so that a rehearsal has the times of the real session."""
+    longest = []
+    bench = tmp_path / "bench.yaml"
+    bench.write_text(
+        "{simulated: true, cycle: 5 ms, nodes: {servomotor: {node: 1, profile: faulhaber_v3, watch_contact: false}}}"
+    )
+    note = lambda session, _: longest.append(session.dead_man.longest)  # noqa: E731
+    play(tmp_path, FILE, note, hardware=bench, arm=False, variant="quiet", seed=2, backend="fmu")
+    assert longest == [HOLD]
+
+
 def test_a_hold_that_expires_is_an_executed_command():
     """Before the input goes to its rest value, so that the list says why."""
     done, said = [], []
-    dead_man = SimpleNamespace(expire=lambda now: ["a.x"], inputs={"a.x": SimpleNamespace(value=0.0, moves=False)})
+    dead_man = SimpleNamespace(
+        longest=0.14, expire=lambda now: ["a.x"], inputs={"a.x": SimpleNamespace(value=0.0, moves=False)}
+    )
     executor = SimpleNamespace(
         controls={}, add_done=lambda time, kind, text, *_, **__: done.append((time, kind, text)), start=lambda name: 0.0
     )
@@ -371,4 +394,5 @@ def test_a_hold_that_expires_is_an_executed_command():
     )
     Session.update_held_inputs(session)
     assert done == [(5_000, EXPIRED, "a.x"), (5_000, "set", "a.x")]
-    assert said == ["a.x: at rest, since the page answered too late. Release and press again."]
+    why = "not renewed for 140 ms: the page answered too late, or the computer is overloaded."
+    assert said == [f"a.x: at rest, {why} Release and press again."]

@@ -120,6 +120,20 @@ def test_one_variant_alone_is_a_scenario_with_the_criteria_that_it_can_meet():
     assert other.record.patterns == ("command.held",)
 
 
+def test_one_variant_alone_has_targets_and_warnings_of_its_members():
+    """So that the viewer of a session draws them as the console does."""
+    scenario = parse_scenario(
+        HEAD.replace("console:", "")
+        + "console: {targets: {signal: servomotor.position, tolerance: 1 mm, points: {end: 9 mm}}, "
+        "warnings: [{signal: command.held, above: 0, text: held}, {signal: servomotor.current, above: 1 A, text: hot}]}\n"
+    )
+    alone = {case.variant: single_case_yaml(scenario, case, []) for case in scenario.variants}
+    one, other = (parse_scenario(f"stop_time: 1 s\n{alone[name]}") for name in ("one", "other"))
+    assert one.console_targets == scenario.console_targets is not None
+    assert [each.text for each in one.console_warnings] == ["held", "hot"]
+    assert (other.console_targets, [each.text for each in other.console_warnings]) == (None, ["held"])
+
+
 @every_case(
     ("keys", "title"),
     [

@@ -48,7 +48,7 @@ COMMISSIONING = "/bench"  # page of the drives, provided by their package
     default=1.0,
     show_default=True,
     metavar="FACTOR",
-    help="Speed relative to real time.",
+    help="Speed relative to real time; at most 1 for scenarios with controls.",
 )
 @port_option(1024)
 @no_open_option

@@ -81,17 +81,16 @@ def titles(kind: str) -> Listing:
 
 
 def by_topic(names: Iterable[str]) -> dict[str, list[str]]:
-    """Group scenarios under headings: those of `twin demo` first, then by topic, then the others."""
-    from twin.cli.demo import EXAMPLES
+    """Group scenarios under headings: those to begin with first, then by topic, then the others."""
     from twin.scenario import scenario_paths
 
-    paths, first = scenario_paths.scenarios(), [line.split()[-1] for line in EXAMPLES]
+    paths = scenario_paths.scenarios()
     groups: dict[str, list[str]] = {
         heading: [] for heading in ("Start here", *scenario_paths.TOPICS.values(), "Others")
     }
     for name in names:
         topic = scenario_paths.TOPICS.get(scenario_paths.overview(paths[name]).topic, "Others")
-        groups["Start here" if name in first else topic].append(name)
+        groups["Start here" if name in scenario_paths.START_HERE else topic].append(name)
     return {heading: group for heading, group in groups.items() if group}
 
 

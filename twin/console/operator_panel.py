@@ -13,7 +13,7 @@ from nicegui import ui
 
 from twin.console.curves import elements
 from twin.errors import TwinError
-from twin.live import EXPIRED
+from twin.live import EXPIRED, OVER
 
 if TYPE_CHECKING:
     from twin.console.page import PageContext
@@ -30,15 +30,23 @@ def panel(context: PageContext, more: Callable[[], None]) -> None:
     assert live is not None
     assert catalog is not None
     settable = {name: signal for signal in catalog.signals.values() if signal.settable for name in elements(signal)}
-    section("Inputs and parameters", lambda: values(context, live, settable), opened=not catalog.controls)
+    changing = [section("Inputs and parameters", lambda: values(context, live, settable), opened=not catalog.controls)]
     more()
     if catalog.events:
-        section("Events of the scenario", lambda: events(context, live, catalog.events))
-    section("Override outputs", lambda: overrides(context, live))
+        changing.append(section("Events of the scenario", lambda: events(context, live, catalog.events)))
+    changing.append(section("Override outputs", lambda: overrides(context, live)))
     section("Executed commands", lambda: done(context, live), opened=True)
 
+    def lock() -> None:
+        if live.state.phase in OVER:  # nothing can be changed after the end
+            for expansion in changing:
+                expansion.props("inert").classes("disabled")
 
-def section(title: str, fill: Callable[[], None], opened: bool = False, lazy: bool = True) -> None:
+    lock()
+    ui.timer(0.3, lock)
+
+
+def section(title: str, fill: Callable[[], None], opened: bool = False, lazy: bool = True) -> ui.expansion:
     """Create a section of a panel, which `fill` fills when it is first opened, or at once unless `lazy`."""
     expansion = ui.expansion(title, value=opened).classes("full-width")
     filled = [False]
@@ -51,6 +59,7 @@ def section(title: str, fill: Callable[[], None], opened: bool = False, lazy: bo
 
     expansion.on_value_change(update)
     update()
+    return expansion
 
 
 def events(context: PageContext, live: LiveSession, listed: Sequence[CatalogEvent]) -> None:
@@ -127,12 +136,16 @@ def number_field(
     """Create a field that refuses values outside of its slider or the declared bounds; the slider follows the field."""
     edges = (signal.minimum, signal.maximum) if ends is None else ends
     low, high = (None if edge is None else _shown(signal, edge) for edge in edges)
+    applied = [shown]
+
+    def refused(value: Any) -> str | None:
+        reason = refusal(value, low, high)
+        return reason and f"{reason}; still {applied[0]:g}"
+
     # without min and max, to which NiceGUI would silently move the value when the field is left
-    field = ui.number(value=shown, validation=lambda value: refusal(value, low, high)).props(
+    field = ui.number(value=shown, validation=refused).props(
         f'dense outlined suffix="{signal.display_unit}" step=any no-error-icon hide-bottom-space aria-label="{name}"'
     )
-
-    applied = [shown]
 
     async def apply_entry() -> None:
         value = field.value
@@ -143,6 +156,8 @@ def number_field(
             applied[0] = value
             field.props("bg-color=positive")
             ui.timer(0.6, lambda: field.props(remove="bg-color"), once=True)
+        else:
+            field.set_value(applied[0])  # the message of the refusal is shown by `run`
 
     field.on("keydown.enter", apply_entry)
     field.on("blur", lambda: apply_entry() if field.value != applied[0] else None)
@@ -152,7 +167,9 @@ def number_field(
         slider.props(f'dense aria-label="{name}, slider"')
         slider.on("change", lambda: (field.set_value(slider.value), apply_entry())[1])
         field.on_value_change(
-            lambda: slider.set_value(min(max(field.value, begin), end)) if is_number(field.value) else None
+            lambda: slider.set_value(
+                field.value if refusal(field.value, begin, end) is None else min(max(applied[0], begin), end)
+            )
         )
 
 
@@ -295,7 +312,7 @@ def condense(done: Sequence[ExecutedCommand], controls: Mapping[str, CatalogCont
             if now:
                 text = HELD if isinstance(given, bool) else f"{HELD} at {value}"
             elif command.kind == EXPIRED:
-                text = f"{RELEASED} by the dead-man switch, the page answered too late"
+                text = f"{RELEASED} by the dead-man switch: page too late or computer overloaded"
             else:
                 text = RELEASED
             condensed_commands.append(replace(command, text=f"{control.label}{text}"))

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
 
     from twin.console.session import Host, Panel
+    from twin.console.verdicts import SessionVerdicts
     from twin.live import Catalog, LiveSession
 
 STATIC = Path(__file__).parent / "static"
@@ -54,6 +55,7 @@ class PageContext:
     def __init__(self, console: Host, client: Client) -> None:
         self.console, self.client = console, client
         self.shown_space = FLAT  # number of the shown picture, which outlasts a session
+        self.verdicts: SessionVerdicts | None = None  # of the shown session
 
     def is_operator(self) -> bool:
         """Return whether this page operates."""
@@ -200,6 +202,7 @@ def _session(context: PageContext) -> None:
     catalog = console.catalog
     assert catalog is not None
     assert console.live is not None
+    context.verdicts = None
     added = [panel for panel in panels() if not panel.path and (catalog.hardware or not panel.hardware)]
     _bar(context)
     with ui.element("div").classes("twin-desk"):
@@ -248,7 +251,10 @@ def _bar(context: PageContext) -> None:
         pause.props('outline no-caps aria-label="pause"').classes("twin-run")
         finishing = ui.spinner(size="24px").props('aria-label="the results are written"')
         title = catalog.title.removesuffix(f": {catalog.variants.get(catalog.variant)}") or catalog.scenario
-        ui.label(title).classes("twin-h ellipsis").tooltip(catalog.description or catalog.scenario)
+        ui.label(title).classes("twin-h ellipsis")
+        if catalog.description:
+            with ui.button(icon="info").props("flat round dense aria-label='about this scenario'"), ui.menu():
+                ui.markdown(catalog.description).classes("twin-about")
         if len(catalog.variants) > 1 and console.hardware is None:
             ui.select(
                 {name: f"{name}: {title}" if title != name else name for name, title in catalog.variants.items()},
@@ -286,10 +292,11 @@ def _steps(context: PageContext, live: LiveSession, catalog: Catalog) -> None:
         context.on_press(lambda: live.step_macro),
     )
     _button("restart_alt", "reset: from the start, in a new folder", context.on_press(lambda: live.reset))
+    rates = {rate: text for rate, text in RATES.items() if rate <= catalog.fastest_rate}
     ui.select(
-        RATES,
-        value=live.state.rate if live.state.rate in RATES else 1.0,
-        on_change=lambda said: context.run(context.console.pace, said.value),
+        rates,
+        value=live.state.rate if live.state.rate in rates else 1.0,
+        on_change=lambda said: context.run(live.pace, said.value),
     ).props("dense options-dense borderless aria-label='pace'").classes("twin-rate")
 
 

@@ -158,7 +158,7 @@ class Host:
             return "STOP"
         if self.live is None or not self.is_open:
             return ""
-        return "STOP" if self.live.catalog is None or self.live.catalog.controls else "End"
+        return "STOP" if self.live.catalog is not None and self.live.catalog.controls else "End"
 
     def metrics_before(self, run: Any) -> dict[str, str]:
         """Return the metrics of the run before this one, by name; `run`: identity of this one."""
@@ -193,12 +193,6 @@ class Host:
                 raise TwinError(busy)
             if live is not None:
                 live.resume()
-
-    def pace(self, rate: float) -> None:
-        """Change the rate, of the next session too."""
-        if self.live is not None:
-            self.live.pace(rate)
-            self.rate = rate
 
     def release_hold(self) -> None:
         """Release all holds, of the session and of activities."""

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
 MAX_RECENT = 4
 TOPICS = scenario_paths.TOPICS
-START_HERE = "teleoperation"  # needs no knowledge of the models
 Group = tuple[str, "list[tuple[str, scenario_paths.Overview]]"]  # heading, scenarios by name
 
 
@@ -50,20 +49,25 @@ def pick(context: PageContext) -> None:
                     for name, overview in entries:
                         _card(context, name, scenarios[name], overview)
 
+        async def begin_single_match() -> None:
+            matches = {name: each for _, entries in select_groups(groups, search.value or "") for name, each in entries}
+            if len(matches) == 1:
+                ((name, overview),) = matches.items()
+                await context.run(context.console.begin, scenarios[name], overview.variant)
+
         search.on_value_change(cards.refresh)
+        search.on("keydown.enter", begin_single_match)
         cards()
 
 
 def group_scenarios(recent: list[str], scenarios: dict[str, Path]) -> list[Group]:
-    """Return the recent scenarios, then all by topic; those of topics that are not in `TOPICS`, or of none, come last."""
-    overviews = {
-        name: scenario_paths.overview(path)
-        for name, path in sorted(scenarios.items(), key=lambda item: (item[0] != START_HERE, item[0]))
-    }
+    """Return the recent scenarios, those to begin with, then all by topic; others than those of `TOPICS` come last."""
+    overviews = {name: scenario_paths.overview(path) for name, path in sorted(scenarios.items())}
     topics = {
         topic: heading for topic, heading in TOPICS.items() if any(each.topic == topic for each in overviews.values())
     }
     groups: list[Group] = [("Recent", [(name, overviews[name]) for name in recent])]
+    groups.append(("Start here", [(name, overviews[name]) for name in scenario_paths.START_HERE if name in overviews]))
     for topic, heading in topics.items():
         groups.append((heading, [(name, each) for name, each in overviews.items() if each.topic == topic]))
     groups.append(("Others", [(name, each) for name, each in overviews.items() if each.topic not in topics]))
@@ -102,9 +106,7 @@ def _card(context: PageContext, name: str, path: Path, overview: scenario_paths.
         with ui.element("div"):
             with ui.row().classes("items-center gap-2"):
                 ui.label(name).classes("twin-h")
-                if name == START_HERE:
-                    ui.badge("start here")
-                elif overview.has_controls:
+                if overview.has_controls:
                     ui.badge("has controls").props("outline")
             ui.label(f"{overview.title}{f', {duration}' if duration else ''}").classes("twin-soft")
 

@@ -6,6 +6,7 @@ import asyncio
 import subprocess
 import sys
 import time
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 from nicegui import run as nicegui_run
 from nicegui import ui
 
-from twin.console import operator_panel
-from twin.console.verdicts import METRIC, NOT_JUDGED, WAITING, SessionVerdicts, headline
+from twin.console import operator_panel, targets
+from twin.console.verdicts import METRIC, NOT_JUDGED, WAITING, Row, SessionVerdicts, headline, warning_rows
 from twin.errors import TwinError
 from twin.live import OVER
 
@@ -27,12 +28,13 @@ if TYPE_CHECKING:
 
     from twin.console.page import PageContext
     from twin.console.session import Host
+    from twin.live import LiveSession
 
 JUDGE_PERIOD = 1.0  # [s]
 QUICK = (
     0.05  # a judgment that takes longer is followed by a pause of ten times its duration [s]: joysticks need the server
 )
-PAGES = {"/signals": ("signals.html",), "/replay": ("scene.html", "--scene")}  # file and options of `twin view`
+PAGE = "signals.html"
 SYMBOLS = {
     "pass": ("check_circle", "twin-good"),
     "fail": ("cancel", "twin-bad"),
@@ -43,26 +45,25 @@ SYMBOLS = {
 
 
 def register(app: FastAPI, console: Host) -> None:
-    """Serve signals and scenes of the latest session, as the pages that `twin view FOLDER --output` writes."""
+    """Serve the latest session in the viewer, as the page that `twin view FOLDER --output` writes."""
     from starlette.responses import FileResponse, PlainTextResponse
 
-    async def page(request: Request) -> Response:
+    async def page(_: Request) -> Response:
         live = console.live
         if live is None or live.state.phase not in OVER or not live.state.folder:
             return PlainTextResponse("The session is not over yet.", 404)
-        file, problem = await asyncio.to_thread(view_page, Path(live.state.folder), *PAGES[request.url.path])
+        file, problem = await asyncio.to_thread(view_page, Path(live.state.folder))
         return PlainTextResponse(problem, 500) if problem else FileResponse(file)
 
-    for path in PAGES:
-        app.add_route(path, page, methods=["GET"])
+    app.add_route("/signals", page, methods=["GET"])
 
 
-def view_page(folder: Path, name: str, *options: str) -> tuple[Path, str]:
-    """Write a page of a run unless it exists; return it and why it could not be written, or nothing."""
-    target = folder / name
+def view_page(folder: Path) -> tuple[Path, str]:
+    """Write the viewer's page of a run unless it exists; return it and why it could not be written, or nothing."""
+    target = folder / PAGE
     if target.is_file():
         return target, ""
-    words = ["-c", "from twin.cli import main; main()", "view", str(folder), *options, "--output", str(target)]
+    words = ["-c", "from twin.cli import main; main()", "view", str(folder), "--output", str(target)]
     done = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False)
     return target, done.stderr if done.returncode else ""
 
@@ -78,6 +79,7 @@ def panel(context: PageContext, failed: ui.label) -> None:
         return
     if not verdicts.expectations and not verdicts.metrics:
         return
+    context.verdicts = verdicts
     fill_list = partial(judged, console, verdicts, failed)
     operator_panel.section("Requirements and metrics", fill_list, not verdicts.catalog.controls, lazy=False)
 
@@ -107,17 +109,59 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
         column.clear()
         with column:
             for row in rows:
-                icon, color = SYMBOLS.get(row.verdict, SYMBOLS[WAITING])
-                with ui.row().classes("no-wrap full-width gap-2 twin-verdict"):
-                    ui.icon(icon).classes(color).props(f"role=img aria-label='{row.verdict or 'metric'}'")
-                    with ui.column().classes("gap-0"):
-                        ui.label(row.name).classes("twin-line")
-                        past = before.get(row.name)
-                        ui.label(f"{row.detail}; the run before: {past}" if past else row.detail).classes(
-                            "twin-soft twin-line"
-                        )
+                past = before.get(row.name)
+                listed(row, f"{row.detail}; the run before: {past}" if past else row.detail)
 
     ui.timer(JUDGE_PERIOD, judge)
+
+
+def listed(row: Row, detail: str) -> None:
+    """Create a row of the list with the symbol of its verdict."""
+    icon, color = SYMBOLS.get(row.verdict, SYMBOLS[WAITING])
+    with ui.row().classes("no-wrap full-width gap-2 twin-verdict"):
+        ui.icon(icon).classes(color).props(f"role=img aria-label='{row.verdict or 'metric'}'")
+        with ui.column().classes("gap-0"):
+            ui.label(row.name).classes("twin-line")
+            ui.label(detail).classes("twin-soft twin-line")
+
+
+@dataclass(frozen=True)
+class SessionResult:
+    """Result of a session that is over: passed, failed or targets left; its score in words; requirements and metrics; warnings."""
+
+    kind: str = ""
+    score: str = ""
+    requirements: tuple[Row, ...] = ()
+    warnings: tuple[Row, ...] = ()
+
+
+def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> SessionResult:
+    """Return the result of a session: it fails with a requirement that is not met, or a warning that was shown."""
+    rows = verdicts.rows() if verdicts is not None else []
+    warnings = warning_rows(live)
+    words, is_complete = "", True
+    if live.catalog is not None and live.catalog.targets:
+        score = targets.session_score(live) or targets.Score({})
+        words = targets.session_text(score, live.catalog)
+        is_complete = len(score.reached) == len(live.catalog.targets["points"])
+    judged = [row.verdict for row in (*rows, *warnings) if row.verdict in ("pass", "fail")]
+    kind = "failed" if "fail" in judged else "targets left" if not is_complete else "passed" if judged else ""
+    return SessionResult(kind, words, tuple(rows), tuple(warnings))
+
+
+def result_card(result: SessionResult) -> None:
+    """Create the card: verdict, score, requirements that are not met, all warnings."""
+    with ui.column().classes("twin-result full-width gap-1").mark("result"):
+        with ui.row().classes("items-center gap-2"):
+            color = {"failed": "twin-bad", "passed": "twin-good"}.get(result.kind, "twin-warn")
+            ui.label(result.kind.capitalize()).classes(f"twin-state {color}")
+            ui.label(result.score or headline(list(result.requirements), True)).classes("twin-h")
+        with ui.element("div").classes("twin-result-rows full-width"):
+            for row in result.requirements:
+                if row.verdict == "fail":
+                    listed(replace(row, name=f"Not met: {row.name}"), row.detail)
+            for row in result.warnings:
+                listed(replace(row, name=f"Warning: {row.name}"), row.detail)
 
 
 def banner(context: PageContext) -> None:
@@ -128,7 +172,7 @@ def banner(context: PageContext) -> None:
     over = ui.row().classes("twin-over items-center full-width")
     shown = [""]
 
-    def update() -> None:
+    async def update() -> None:
         state = live.state
         reached = state.phase == "paused" and state.time >= catalog.stop > 0.0 and not catalog.controls
         kind = state.phase if state.phase in OVER else "reached" if reached else ""
@@ -139,8 +183,13 @@ def banner(context: PageContext) -> None:
         over.clear()
         with over:
             fill(context, kind)
+        if kind in OVER:
+            result = await nicegui_run.io_bound(session_result, live, context.verdicts)
+            if result is not None and result.kind:
+                with over:
+                    result_card(result)
 
-    update()
+    over.visible = False
     ui.timer(0.2, update)
 
 
@@ -160,14 +209,10 @@ def fill(context: PageContext, kind: str) -> None:
         ui.button(text, on_click=context.on_press(lambda: action, *arguments)).props("dense no-caps outline")
 
     if kind == "reached":
-        button("End", console.stop)
         button("change and compare", live.reset)
     elif kind:
         if state.folder:
-            ui.link("signals in the viewer", "/signals", new_tab=True)
-            scenes = console.catalog.scenes if console.catalog is not None else ()
-            if any(scene["lines"] or scene["points"] or scene["arrows"] for scene in scenes):  # not in space alone
-                ui.link("replay of the scene", "/replay", new_tab=True)
+            ui.link("replay and signals in the viewer", "/signals", new_tab=True)
             ui.label(f"Results: {state.folder}").classes("twin-soft twin-line")
         button("again", console.restart, console.variant)
         button("another scenario", console.leave)

@@ -9,6 +9,7 @@ import numpy as np
 from nicegui import run as nicegui_run
 from nicegui import ui
 
+from twin.console.verdicts import warning_rows
 from twin.live import RefusedError
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
     from twin.console.animation import Pictures
     from twin.console.page import PageContext
+    from twin.live import Catalog, LiveSession
 
 PERIOD = 0.5  # of the score [s]
 STILL = 0.1  # part of the tolerance: a smaller distance from the start is no motion
@@ -69,29 +71,41 @@ def text(now: Score, targets: Mapping[str, Any], factor: float, unit: str, label
     return f"{state}; {figures}" if now.duration else state
 
 
-def panel(context: PageContext, picture: Pictures) -> None:
-    """Create the line with the score above the picture, in which reached targets change their color."""
-    live, catalog = context.console.live, context.console.catalog
-    assert live is not None
-    assert catalog is not None
+def session_score(live: LiveSession) -> Score | None:
+    """Return the score of a session so far; None without rows."""
+    assert live.catalog is not None
+    targets = live.catalog.targets
+    try:
+        rows = live.read([targets["signal"]])
+    except RefusedError:
+        return None
+    return score(rows.time, np.asarray(rows.values[targets["signal"]], np.float64), targets) if len(rows.time) else None
+
+
+def session_text(now: Score, catalog: Catalog) -> str:
+    """Return a score of a session in words."""
     targets = catalog.targets
     signal = catalog.signals[targets["signal"].partition("[")[0]]
     points = [point for scene in catalog.scenes for point in scene["points"]]
     point_label = next((point["label"] for point in points if point["signal"] == targets["signal"]), "")
+    return text(now, targets, signal.factor, signal.display_unit, point_label)
+
+
+def panel(context: PageContext, picture: Pictures) -> None:
+    """Create the line with the score above the picture, in which reached targets change their color; warnings count too."""
+    live, catalog = context.console.live, context.console.catalog
+    assert live is not None
+    assert catalog is not None
     with ui.element("div").classes("twin-score").props("role=status"):
-        label = ui.label(text(Score({}), targets, signal.factor, signal.display_unit, point_label)).mark("score")
+        label = ui.label(session_text(Score({}), catalog)).mark("score")
 
     async def update() -> None:
-        if live is not context.console.live:
+        if live is not context.console.live or (now := await nicegui_run.io_bound(session_score, live)) is None:
             return
-        try:
-            rows = await nicegui_run.io_bound(live.read, [targets["signal"]])
-        except RefusedError:
-            return
-        if rows is None or not len(rows.time):
-            return
-        now = score(rows.time, np.asarray(rows.values[targets["signal"]], np.float64), targets)
-        label.text = text(now, targets, signal.factor, signal.display_unit, point_label)
+        rows = await nicegui_run.io_bound(warning_rows, live) or []
+        warned = [f"{row.name} {row.detail.replace(';', ',')}" for row in rows if row.verdict == "fail"]
+        label.text = "; ".join([session_text(now, catalog), *warned])
+        label.classes(add="twin-bad" if warned else "", remove="" if warned else "twin-bad")
         picture.show_reached(list(now.reached))
 
     ui.timer(PERIOD, update)

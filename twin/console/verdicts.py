@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from twin import clock
 from twin.live import OVER, RefusedError
 from twin.results import Signals, evaluate
@@ -109,7 +111,7 @@ class SessionVerdicts:
             )
             is_final = metric_result.verdict == "pass" or metric_result.metric.name not in unfinished
             verdict = metric_result.verdict if metric_result.verdict in ("pass", "fail") and is_final else METRIC
-            name = metric_result.metric.description or metric_result.metric.name
+            name = metric_result.metric.description or metric_result.metric.name.replace("_", " ")
             rows.append(
                 Row(
                     verdict,
@@ -125,6 +127,27 @@ class SessionVerdicts:
         if expectation.signal is None and expectation.metric is not None:
             return begin(self.metrics[expectation.metric])
         return begin(expectation)
+
+
+def warning_rows(live: LiveSession) -> list[Row]:
+    """Return a row for each warning of the scenario: how long it was shown so far, and the largest value of its signal."""
+    catalog = live.catalog
+    if catalog is None or not catalog.warnings:
+        return []
+    try:
+        samples = live.read([warning["signal"] for warning in catalog.warnings])
+    except RefusedError:
+        return []
+    rows = []
+    for warning in catalog.warnings if len(samples.time) else ():
+        signal = catalog.signals[warning["signal"].partition("[")[0]]
+        values = np.asarray(samples.values[warning["signal"]], np.float64).reshape(len(samples.time), -1).max(axis=1)
+        duration = catalog.every * int((values > warning["above"]).sum())
+        peak, limit = (signal.factor * value + signal.offset for value in (float(values.max()), warning["above"]))
+        figures = f"at most {peak:.4g} {signal.display_unit}, limit {limit:.4g} {signal.display_unit}"
+        detail = f"for {duration:.1f} s" if duration else "never"
+        rows.append(Row("fail" if duration else "pass", warning["text"], f"{detail}; {figures}" if limit else detail))
+    return rows
 
 
 def metric_end(metric: Metric) -> float:

@@ -4,6 +4,7 @@ A page answers each tick with the held controls and the number of the tick, from
 including network delays. Messages are not trusted: see `PageMessages`. To the page:
 
     {"tick", "stop", "phase", "time", "rate", "achieved", "lag", "epoch", "operator", "attend", "held", "values", "message",
+     "dropped": the server has dropped this page, which reloads itself,
      "space": what moves in the shown scene in three dimensions, when it has changed}
 
 From the page, one of these, up to MAX_CHARACTERS characters:
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     from twin.scene import SpaceView
 
 PERIOD = 1.0 / 30.0  # of ticks [s]
-MAX_TICKS = 90  # ticks with known times: three seconds; a hold lasts 0.14 s
+MAX_TICKS = 90  # ticks with known times: three seconds, longer than any hold lasts
 MAX_CHARACTERS = 8192  # of a message
 MAX_SIGNALS = 200  # watched signals
 MAX_VALUES = 4000  # of all watched signals
@@ -186,6 +187,7 @@ def tick_message(console: Host, client: str, tick: int, messages: PageMessages) 
     held = {name: value for activity in console.activities.values() for name, value in activity.held.items()}
     attend = any(activity.attended for activity in console.activities.values())
     page = {"tick": tick, "stop": console.stop_label, "operator": operator, "attend": attend}
+    page["dropped"] = client not in console.operator_lock.pages
     if live is None:
         return json.dumps({**page, "phase": "", "held": held})
     state, values = live.state, dict[str, Any]()
@@ -231,6 +233,7 @@ def plain(value: Any) -> Any:
 
 def register(app: FastAPI, console: Host, is_page: Callable[[str], bool]) -> None:
     """Serve the socket; `is_page` tells whether a client name belongs to a page of this server."""
+    latest: dict[str, WebSocket] = {}  # socket of each page
 
     async def pages(socket: WebSocket) -> None:
         client = socket.query_params.get("client", "")
@@ -239,20 +242,28 @@ def register(app: FastAPI, console: Host, is_page: Callable[[str], bool]) -> Non
             return
         await socket.accept()
         messages = PageMessages(console, client)
+        latest[client] = socket
         console.operator_lock.enter(client)
         sender = asyncio.create_task(send_ticks(socket, messages))
         try:
             await receive_messages(socket, messages)
         finally:
             sender.cancel()
-            if console.operator_lock.is_operator(client):
-                console.release_hold()
-            console.operator_lock.leave(client)
+            if latest[client] is socket:  # a page that has reconnected may be ahead of the end of its former socket
+                del latest[client]
+                leave(client)
+
+    def leave(client: str) -> None:
+        if console.operator_lock.is_operator(client):
+            console.release_hold()
+        console.operator_lock.leave(client)
 
     async def send_ticks(socket: WebSocket, messages: PageMessages) -> None:
         client, tick = socket.query_params["client"], 0
         with suppress(RuntimeError, OSError):  # the socket is closed
             while True:
+                if not is_page(client) and client in console.operator_lock.pages:
+                    leave(client)  # dropped by the server: its buttons are dead, only STOP still arrives
                 tick += 1
                 text = tick_message(console, client, tick, messages)
                 messages.sent(tick)

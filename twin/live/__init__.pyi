@@ -13,6 +13,7 @@ from .live_session import ExecutedCommand as ExecutedCommand
 from .live_session import LiveSession as LiveSession
 from .operator.dead_man_switch import EXPIRED as EXPIRED
 from .operator.dead_man_switch import HOLD as HOLD
+from .operator.dead_man_switch import SIMULATED_HOLD as SIMULATED_HOLD
 from .operator.dead_man_switch import DeadManSwitch as DeadManSwitch
 from .pacing import Pace as Pace
 from .pacing import checked_rate as checked_rate

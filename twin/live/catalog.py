@@ -120,6 +120,11 @@ class Catalog:
         """End of what is judged [s]: that of the scenario; infinite where an operator has controls, who goes on."""
         return math.inf if self.controls else self.stop
 
+    @property
+    def fastest_rate(self) -> float:
+        """Largest ratio of simulated to wall-clock time: real time where an operator has controls, whose dead-man times are the wall clock's."""
+        return 1.0 if self.controls or self.wall_clock else math.inf
+
     def plain(self) -> dict[str, Any]:
         """Return the catalog as plain data for JSON."""
         return {attribute.name: getattr(self, attribute.name) for attribute in fields(self)} | {

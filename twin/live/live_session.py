@@ -291,7 +291,7 @@ class LiveSession:
         self._request("step", count=count, macro=True)
 
     def pace(self, rate: float) -> None:
-        """Set the ratio of simulated to wall-clock time: 0.1 to 10, or inf."""
+        """Set the ratio of simulated to wall-clock time: 0.1 to 10, or inf; at most 1 for a scenario with controls."""
         self._request("pace", rate=rate)
 
     def reset(self) -> None:
@@ -320,9 +320,9 @@ class LiveSession:
         self._request("trigger", key=key)
 
     def hold(self, name: str, value: Any, press: int, age: float = 0.0) -> None:
-        """Renew a hold, `age` [s] ago; the input goes to rest unless this is repeated within `HOLD`. Does not wait.
+        """Renew a hold, `age` [s] ago; the input goes to rest unless this is repeated within `HOLD`, without drives `SIMULATED_HOLD`.
 
-        `press`: increases with each new press. Refusals appear in `state.messages`.
+        Does not wait. `press`: increases with each new press. Refusals appear in `state.messages`.
         """
         self._send(ask="hold", name=name, value=value, press=press, instant=wall.monotonic() - age)
 

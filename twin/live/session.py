@@ -16,7 +16,7 @@ from twin.live.catalog_builder import catalog_of, prepared_events, steps_to_comm
 from twin.live.channel import Channel, ClosedError
 from twin.live.operator import commands
 from twin.live.operator.command_checks import WHERE, CommandExecutor
-from twin.live.operator.dead_man_switch import EXPIRED, DeadManSwitch
+from twin.live.operator.dead_man_switch import EXPIRED, HOLD, SIMULATED_HOLD, DeadManSwitch
 from twin.live.operator.operation_log import NAME, OperationLog, time_text
 from twin.live.pacing import BLOCK, Pace
 from twin.live.scheduling_priority import LoopPriority
@@ -103,12 +103,12 @@ class Session:
         for spec in case.conditions:
             file.add(spec)
         self._met = 0  # conditions that were noted
-        self.dead_man = DeadManSwitch()
+        self.dead_man = DeadManSwitch(SIMULATED_HOLD if self.drives is None else HOLD)
         self.given, self._next, self.wall_clock, self.expired_holds = dict[str, Any](), 0, wall_clock, set[str]()
         self._faults = list(case.faults)
         stop = next(each.stop_ns for each in self.scenario.variants if each.variant == self.variant)
         self.pause_ns = None if catalog.controls or wall_clock else stop  # an operator works on beyond the end
-        self.pace = Pace(1.0 if wall_clock else self.rate, catalog.step)
+        self.pace = Pace(1.0 if wall_clock else min(self.rate, catalog.fastest_rate), catalog.step)
         self.phase = "running" if self.running else "paused"
         self.begin_pace()
         self.send(catalog=catalog.plain(), folder=self.folder, epoch=self.epoch, state=self.status())
@@ -252,7 +252,8 @@ class Session:
             executor.add_done(self.simulated.time, EXPIRED, name, "", by_operator=True)
             control = executor.controls.get(name)
             self.say(
-                f"{control.label if control else name}: at rest, since the page answered too late. Release and press again."
+                f"{control.label if control else name}: at rest, not renewed for {self.dead_man.longest * 1e3:.0f} ms: the page answered "
+                "too late, or the computer is overloaded. Release and press again."
             )
         wanted: dict[str, Any] = {name: held.value for name, held in self.dead_man.inputs.items()}
         for name, along in self.along.items():

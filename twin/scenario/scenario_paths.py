@@ -20,6 +20,7 @@ TOPICS = {  # `topic` of a scenario, heading
     "injection": "Injection",
     "drives": "Drives and failures",
 }
+START_HERE = ("heart_wall_force", "teleoperation")  # scenarios to begin with
 OPERATOR_VARIANT = "by hand"  # variant whose inputs are those of the controls; in others a script or a recording moves
 SHARE = "share/catheter-twin"  # data folder of the wheel, below the prefix
 

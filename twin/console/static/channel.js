@@ -1,5 +1,7 @@
 // Web socket of the page: distributes ticks of the server to listeners, and sends held controls. One per page.
 
+const SILENT = 2000;  // time without a tick after which a page says that the server does not answer [ms]
+
 class Channel {
   constructor() { this.listeners = new Set(); this.watched = new Map(); this.tick = 0; this.operator = false; }
 
@@ -11,16 +13,19 @@ class Channel {
     addEventListener("online", () => this.connect());
     addEventListener("pagehide", () => { this.closed = true; this.drop(); });
     addEventListener("pageshow", () => { this.closed = false; this.connect(); });
+    setInterval(() => { if (this.socket && !document.hidden && performance.now() - this.seen > SILENT) this.lost(true); }, SILENT / 4);
   }
 
   connect() {
     if (this.socket || this.closed || !navigator.onLine) return;
     const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/wire?client=${encodeURIComponent(this.page)}`);
     this.socket = socket;
+    this.seen = performance.now();
     socket.onopen = () => { this.subscribed = ""; this.values = {}; this.subscribe(); this.show(this.space); };
     socket.onmessage = (event) => {
       const state = JSON.parse(event.data);
       if (state.values) state.values = Object.assign(this.values, state.values);  // the server sends those that have changed
+      if (state.dropped) { location.reload(); return; }
       if (state.tick) { this.tick = state.tick; this.operator = state.operator; this.seen = performance.now(); }
       for (const one of this.listeners) one(state);
     };
@@ -28,7 +33,8 @@ class Channel {
   }
 
   drop() { const socket = this.socket; this.socket = null; socket?.close(); this.lost(); }
-  lost() { this.operator = false; for (const one of this.listeners) one({ lost: true }); }
+  // silent: the socket is open, so that a message may still arrive
+  lost(silent = false) { this.operator = false; for (const one of this.listeners) one({ lost: true, silent }); }
   send(message) { if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message)); }
 
   show(space) { this.space = space ?? null; this.send({ space: this.space }); }  // number of a scene in three dimensions

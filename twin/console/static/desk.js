@@ -63,7 +63,7 @@ export default {
               @pointerup="pull(one)" @pointercancel="pull(one)" @lostpointercapture="pull(one)">{{ one.kind === "hold" ? "+" : "press" }}</button>
     </div>
     <p v-if="!controls.length && !over" class="twin-soft">No joystick or buttons are defined for this scenario. Change parameters below, or add a <code>console:</code> section.</p>
-    <p v-else class="twin-soft" :class="{ 'twin-warn': stopped }" role="status">{{ over ? "The session is over: controls have no effect." : stopped ? "Stopped: this page answered too late. Release the control and hold it again." : !operator ? "This page only watches." : paused ? "Paused: press Run, then hold a control." : "Motion lasts while you hold a control." }} <span v-if="pad">{{ pad }}</span></p>
+    <p v-else class="twin-soft" :class="{ 'twin-warn': stopped }" role="status">{{ over ? "The session is over: controls have no effect." : stopped ? "Stopped by the dead-man switch: this page answered too late, or the computer is overloaded. Release the control and hold it again." : !operator ? "This page only watches." : paused ? "Paused: press Run, then hold a control." : "Motion lasts while you hold a control." }} <span v-if="pad">{{ pad }}</span></p>
   </div>`,
   props: { controls: Array, session: Boolean },
   data: () => ({ operator: false, over: false, paused: false, held: {}, deflections: {}, dropped: 0, pad: "" }),

@@ -3,10 +3,16 @@
 import { channel } from "/console/channel.js";
 
 export default {
-  template: `<div><button id="twin-stop" v-show="label" type="button" :class="{ 'twin-end': label !== 'STOP' }" :title="about" @click="stop">{{ label }}</button></div>`,
+  template: `<div><button id="twin-stop" v-show="label" type="button" :class="{ 'twin-end': label !== 'STOP' }" :title="about" :disabled="lost && !silent"
+    @click="stop">{{ label }}</button><p class="twin-disconnected" role="alert" v-if="lost">{{ warning }}</p></div>`,
   props: { page: String, attends: Boolean, hardware: Boolean, stop_label: String },
-  data() { return { label: this.stop_label }; },
+  data() { return { label: this.stop_label, lost: false, silent: false }; },
+  watch: { lost(lost) { document.body.classList.toggle("twin-lost", lost); } },
   computed: {
+    warning() {
+      const what = this.silent ? "No answer from the server" : "Connection lost", reach = this.silent ? "may not" : "does not";
+      return `${what}${this.hardware ? `: STOP ${reach} reach the drives. Use the hardware emergency stop.` : ". Values are old."} Reload this page if it stays.`;
+    },
     about() { return this.hardware ? "Stop the drives and end the session (Esc)" : "End the session and keep its results"; },
   },
   mounted() {
@@ -19,8 +25,10 @@ export default {
     stop() { channel.send({ stop: true }); },
     key(event) { if (event.code === "Escape" && this.hardware) this.stop(); },
     update(state) {
-      if (state.lost) { this.say("no connection to the server", ""); return; }
       if (state.refused) { this.say(null, state.refused); return; }
+      this.lost = Boolean(state.lost);
+      this.silent = Boolean(state.silent);
+      if (this.lost) { this.say("no connection to the server", ""); return; }
       this.label = state.stop;
       if (this.attends && state.attend && channel.operator && !document.hidden) channel.send({ here: true, tick: state.tick });
       const pace = state.achieved === null || state.achieved === undefined ? "" : `${state.achieved.toFixed(state.achieved < 10 ? 2 : 0)} × real time`;

@@ -72,7 +72,10 @@ def pace(session: Session, message: Message) -> None:
     """Change the rate."""
     if session.wall_clock:
         raise RefusedError("pace: the drives determine the time.")
-    session.rate = session.pace.rate = checked_rate(message.get("rate"))
+    rate = checked_rate(message.get("rate"))
+    if rate > (fastest := session.executor.catalog.fastest_rate):
+        raise RefusedError(f"pace: {rate:g} is above {fastest:g}. A scenario with controls runs at most at real time.")
+    session.rate = session.pace.rate = rate
     session.begin_pace()
 
 

@@ -8,6 +8,7 @@ from typing import Any
 # From the last renewal to rest [s]. With a block of the loop, 1/30 s, and what the network takes it stays below 200 ms; a
 # page renews every 30 to 40 ms, so three may be lost.
 HOLD = 0.14
+SIMULATED_HOLD = 0.5  # without drives, where nothing can be damaged and a busy computer must not end each motion [s]
 FOREVER = float("inf")
 EXPIRED = "expired"  # kind of the executed command of an input that was not renewed in time
 

@@ -55,8 +55,14 @@ def single_case_yaml(scenario: ScenarioSpec, case: Case, record: Sequence[str]) 
         for node, spec in zip(root.get("console").get("controls").items, scenario.console, strict=True)
         if not spec.variants or case.variant in spec.variants
     ]
-    if console_nodes:
-        entries["console"] = Node(console_nodes, location).under("controls")
+    console = {"controls": Node(console_nodes, location)} if console_nodes else {}
+    targets, warnings = scenario.console_targets, scenario.console_warnings
+    if targets is not None and has_member(case, targets.signal):
+        console["targets"] = root.find(("console", "targets"))
+    if indices := [i for i, warning in enumerate(warnings) if has_member(case, warning.signal)]:
+        console["warnings"] = Node([root.find(("console", "warnings", i)) for i in indices], location)
+    if console:
+        entries["console"] = Node(console, location)
     if groups := root.entries.get("groups"):  # of members that all are in this variant
         names = set(case.members)
         entries["groups"] = groups.map(lambda group: group if {item.value for item in group.items} <= names else None)
@@ -68,6 +74,11 @@ def single_case_yaml(scenario: ScenarioSpec, case: Case, record: Sequence[str]) 
         "record": Node.of(record_keys, location),
     }
     return yaml_writer.text(Node(entries, location))
+
+
+def has_member(case: Case, signal: str) -> bool:
+    """Return whether the member of a signal, or a group with it, is in a case."""
+    return any(signal.startswith(f"{member}.") for member in case.members)
 
 
 def criteria_yaml(scenario: ScenarioSpec, case: Case, recorded: Collection[str], has_end: bool = True) -> str:
