@@ -25,6 +25,7 @@ from .deadman import HeldKey as HeldKey
 from .deadman import Keyboard as Keyboard
 from .inspection import Inspection as Inspection
 from .inspection import inspect as inspect
+from .page_watchdog import PAGE_SILENT as PAGE_SILENT
 from .page_watchdog import PageWatchdog as PageWatchdog
 from .planned import PlannedRow as PlannedRow
 from .planned import planned_rows as planned_rows
