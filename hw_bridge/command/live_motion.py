@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hw_bridge.command.bench.single_axis import LIVE_VALUES
-from twin.web import frames
+from twin import web
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-    from twin.web.frames import Floats
+    from numpy.typing import NDArray
 
 CAPACITY = 18_000  # samples: half an hour at ten a second
 CURVES = ("position", "current")
 
 
 class LiveMotion:
-    """The latest values of a motion as texts, and position and current over time since its begin (a `frames.CurveSource`).
+    """The latest values of a motion as texts, and position and current over time since its begin (a `web.frames.CurveSource`).
 
     `has_moved`: the command has sent other targets than its first. Written by one thread, read by others.
     """
@@ -65,9 +65,11 @@ class LiveMotion:
         samples = list(self._samples)
         return (samples[0][0], samples[-1][0]) if samples else (0.0, 0.0)
 
-    def read(self, name: str, start: float, stop: float, points: int) -> tuple[Floats, Floats]:
+    def read(
+        self, name: str, start: float, stop: float, points: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Times [s] and values of a window, with the sample before it."""
         samples = np.array(list(self._samples)).reshape(-1, 3)
         first, last = np.searchsorted(samples[:, 0], [start, stop], side="right")
         window = samples[max(int(first) - 1, 0) : int(last)]
-        return frames.decimate(window[:, 0], window[:, 1 + CURVES.index(name)], points)
+        return web.frames.decimate(window[:, 0], window[:, 1 + CURVES.index(name)], points)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +17,7 @@ from hw_bridge.command import commissioning_steps as steps
 from hw_bridge.command.bench.motion import ramp
 from hw_bridge.command.bench.step import SHOWN
 from hw_bridge.command.commissioning_steps import ANY_TIME, READING, STEPS, Entry, Step
-from hw_bridge.command.running_card import CURVES_PATH, now
+from hw_bridge.command.running_card import CURVES_PATH, live_state, now
 from hw_bridge.command.typed import Typed
 from hw_bridge.commission import homing
 from hw_bridge.hardware import NodeKeys
@@ -41,8 +40,6 @@ LOOKS = {  # of a step's number, by what has become of it
     "failed": "error error-icon=close error-color=negative",
 }
 FILE_PERIOD = 1.0  # between looks at the hardware file [s]
-LIVE = {"6041h": "state", "6064h": "position", "606Ch": "velocity", "6078h": "current", "603Fh": "error"}
-RAW = re.compile(r" \([^()]*\)$")  # value in the drive's own unit, behind a quantity
 SIMULATED = (
     "Each command starts new simulated drives: positions count from 0 again, and nothing stays set. "
     "State and position are shown while a command moves a drive; between commands there is none."
@@ -151,8 +148,7 @@ def build(page: Page) -> None:
             ui.label(keys.title or typed.file.name).classes("twin-h")
             ui.label(f"{typed.file}: {bus}").classes("twin-soft")
             if typed.read_again:
-                kind, text = file_state(typed)
-                ui.label(text).classes(f"twin-state twin-{kind}").props("role=alert")
+                changed_file(page)
             kind, text = armed(typed)
             ui.html(f'<p class="twin-state twin-{kind}">{text}</p>', sanitize=False)
             if keys.simulated:
@@ -168,6 +164,21 @@ def build(page: Page) -> None:
                             for command_step in READING:
                                 step_button(page, command_step, name, {})
     page.update()
+
+
+def changed_file(page: Page) -> None:
+    """Sentence that the hardware file was read again, until it is checked."""
+    from nicegui import ui
+
+    typed = page.typed
+    kind, text = file_state(typed)
+    notice = ui.label(text).classes(f"twin-state twin-{kind}").props("role=alert")
+    (check,) = (step for step in READING if step.word == "check")
+
+    def update() -> None:
+        notice.visible = bool(typed.file_problem) or not page.is_done(check, "")
+
+    page.updates.append(update)
 
 
 def file_state(typed: Typed) -> tuple[str, str]:
@@ -344,49 +355,6 @@ def refusal(page: Page, command_step: Step, name: str, values: dict[str, Any], d
     ):
         return before
     return steps.missing(command_step, values)
-
-
-def live_state(page: Page) -> None:
-    """State, position, velocity, current and error of all nodes between commands, with a button that switches it."""
-    from nicegui import ui
-
-    typed = page.typed
-    button = ui.button(on_click=lambda: page.run_as_operator(lambda: typed.switch_watch(not typed.watch.is_on)))
-    button.props("dense no-caps outline no-wrap")
-    values = ui.html("", sanitize=False)
-
-    def look() -> None:
-        button.text = "stop reading" if typed.watch.is_on else "read live state"
-        values.content = state_text(typed)
-
-    look()
-    ui.timer(0.25, look)
-
-
-def state_text(typed: Typed) -> str:
-    """The latest reading as HTML, a line for each node; why there is none."""
-    watch = typed.watch
-    if watch.problem:
-        return f'<p class="twin-bad">Live state: {escape(watch.problem)}</p>'
-    if not watch.is_on:
-        return (
-            '<p class="twin-soft">Live state is off. It only reads, between commands. '
-            "Leave it off while another program has the drives.</p>"
-        )
-    if not watch.rows:
-        reason = "It continues after the command." if typed.running else "Waiting for the first reading."
-        return f'<p class="twin-soft">{reason}</p>'
-    lines = []
-    for name, rows in watch.rows.items():
-        shown = [
-            (LIVE.get(title[:5], title), title, value) for title, value in rows if title[:5] in LIVE or len(rows) == 1
-        ]
-        text = "".join(
-            f'<span title="{escape(title)}">{escape(label)} <b>{escape(RAW.sub("", value))}</b></span>'
-            for label, title, value in shown
-        )
-        lines.append(f"<p><b>{escape(name)}</b>{text}</p>")
-    return "".join(lines)
 
 
 def begin_activity(console: Host) -> Typed:

@@ -1,4 +1,4 @@
-"""Card of the commissioning page: the running command with its button, live values and output, and the commands before."""
+"""Cards of the commissioning page: the live state between commands, and the running command with its values and output."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from hw_bridge.commission import HOLD
 from twin import web
 
 if TYPE_CHECKING:
+    from nicegui.element import Element
+
     from hw_bridge.command.live_motion import LiveMotion
     from hw_bridge.command.pages import Page
     from hw_bridge.command.typed import Typed
@@ -22,13 +24,59 @@ if TYPE_CHECKING:
 ENDED = ("jog", "enable")  # by the person, in an orderly way
 REFRESH_PERIOD = 0.1  # of the running command [s]
 CURVES_PATH = "/commissioning/curves"
+SPAN = 10.0  # of the chart while a drive moves [s]
 TILES = ("state", "position", "velocity", "current")
+LIVE = {"6041h": "state", "6064h": "position", "606Ch": "velocity", "6078h": "current", "603Fh": "error"}
+RAW = re.compile(r" \([^()]*\)$")  # value in the drive's own unit, behind a quantity
 ERROR = re.compile(r"(?:^|(?<=  ))error: ", re.MULTILINE)  # before the error that a command prints at its end
 JOG_END = re.compile(r"(upper|lower) end \((.*)\)\s*$")  # at the end of the live values of a jog
 EXPIRED = (
     f"Stopped by the dead-man switch: this page answered later than {HOLD // 10**6} ms. "
     "Release the button, then hold it again."
 )
+
+
+def live_state(page: Page) -> None:
+    """State, position, velocity, current and error of all nodes between commands, with a button that switches it."""
+    from nicegui import ui
+
+    typed = page.typed
+    button = ui.button(on_click=lambda: page.run_as_operator(lambda: typed.switch_watch(not typed.watch.is_on)))
+    button.props("dense no-caps outline no-wrap")
+    values = ui.html("", sanitize=False)
+
+    def look() -> None:
+        button.text = "stop reading" if typed.watch.is_on else "read live state"
+        values.content = state_text(typed)
+
+    look()
+    ui.timer(0.25, look)
+
+
+def state_text(typed: Typed) -> str:
+    """The latest reading as HTML, a line for each node; why there is none."""
+    watch = typed.watch
+    if watch.problem:
+        return f'<p class="twin-bad">Live state: {escape(watch.problem)}</p>'
+    if not watch.is_on:
+        return (
+            '<p class="twin-soft">Live state is off. It only reads, between commands. '
+            "Leave it off while another program has the drives.</p>"
+        )
+    if not watch.rows:
+        reason = "It continues after the command." if typed.running else "Waiting for the first reading."
+        return f'<p class="twin-soft">{reason}</p>'
+    lines = []
+    for name, rows in watch.rows.items():
+        shown = [
+            (LIVE.get(title[:5], title), title, value) for title, value in rows if title[:5] in LIVE or len(rows) == 1
+        ]
+        text = "".join(
+            f'<span title="{escape(title)}">{escape(label)} <b>{escape(RAW.sub("", value))}</b></span>'
+            for label, title, value in shown
+        )
+        lines.append(f"<p><b>{escape(name)}</b>{text}</p>")
+    return "".join(lines)
 
 
 def now(page: Page) -> None:
@@ -41,16 +89,11 @@ def now(page: Page) -> None:
     def running_command() -> None:
         show_running(page)
 
-    @ui.refreshable
-    def motion() -> None:
-        if typed.attended:
-            motion_tiles(typed.motion)
-        if typed.attended or (not typed.running and typed.motion.has_samples):
-            motion_chart(typed)
-
     running_command()
     end = ui.label("").props("role=status")
-    motion()
+    tiles = motion_tiles(typed.motion)
+    with ui.element("div").classes("full-width") as frame:  # the chart's own classes must stay as its script set them
+        chart = web.Chart(CURVES_PATH, motion_panes("mm")).style("height: 220px")
     text = ui.label("").classes("twin-told twin-bench-said")
     plot = ui.html("", sanitize=False)
     before = ui.html("", sanitize=False)
@@ -68,7 +111,14 @@ def now(page: Page) -> None:
             return
         last_shown["stage"] = stage
         running_command.refresh()
-        motion.refresh()
+        tiles.visible = typed.attended
+        frame.visible = typed.attended or (not typed.running and typed.motion.has_samples)
+        if typed.attended and typed.node in typed.axes:
+            chart.panes = motion_panes(SHOWN[typed.axes[typed.node].unit][0])
+            chart.show_panes()
+            chart.show_last(SPAN)
+        elif frame.visible:
+            chart.show(None, None)
         plot.content = picture(page)
         before.content = listed(typed)
         page.update()
@@ -119,11 +169,11 @@ def show_running(page: Page) -> None:
         Desk([control(name, name, "Held: it moves.", ("ArrowRight", "ArrowLeft"), unit, speed)])
 
 
-def motion_tiles(motion: LiveMotion) -> None:
+def motion_tiles(motion: LiveMotion) -> Element:
     """State, position, velocity and current of the drive that moves."""
     from nicegui import ui
 
-    with ui.row().classes("full-width gap-4"):
+    with ui.row().classes("full-width gap-4") as tiles:
         for title in TILES:
             with ui.column().classes("gap-0"):
                 with ui.row().classes("gap-1"):
@@ -131,16 +181,15 @@ def motion_tiles(motion: LiveMotion) -> None:
                     if title == "position":
                         ui.label().classes("twin-soft").bind_text_from(motion, "origin")
                 ui.label().classes("twin-h twin-figures").bind_text_from(motion, title, lambda text: text or "-")
+    return tiles
 
 
-def motion_chart(typed: Typed) -> None:
-    """Position and current of the running motion over the last seconds; of the latest one as a whole."""
-    unit = SHOWN[typed.axes[typed.node].unit][0]
-    panes = [
+def motion_panes(unit: str) -> list[web.Pane]:
+    """Panes of the chart: position in this unit, and current."""
+    return [
         web.Pane("position", unit, [web.ChartCurve("position", "position")]),
         web.Pane("current", "A", [web.ChartCurve("current", "current", color=1)]),
     ]
-    web.Chart(CURVES_PATH, panes, follow=typed.running).classes("full-width").style("height: 220px")
 
 
 def result(typed: Typed) -> tuple[str, str]:

@@ -19,8 +19,8 @@ from hw_bridge.command.commissioning_steps import (
     problem,
     unavailable,
 )
-from hw_bridge.command.pages import PANEL, state_text
-from hw_bridge.command.running_card import EXPIRED, jog_state, parts, result
+from hw_bridge.command.pages import PANEL
+from hw_bridge.command.running_card import EXPIRED, jog_state, parts, result, state_text
 from hw_bridge.command.typed import MOVES, settled
 from hw_bridge.commission import axis
 from hw_bridge.hardware import load

@@ -12,7 +12,9 @@ import pytest
 from hw_bridge.command.bench.motion import READY
 from hw_bridge.command.pages import SIMULATED, TITLE, Page, armed, fill
 from hw_bridge.command.progress import Outcome
+from hw_bridge.command.running_card import TILES
 from hw_bridge.command.typed import Typed
+from twin import web
 from twin.errors import TwinError
 
 LIMITS = "{position: [-20 mm, 30 mm], velocity: 100 mm/s, acceleration: 4 m/s^2}"
@@ -69,12 +71,14 @@ def build():
         inputs = [element for element in elements if isinstance(element, ui.input)]
         return SimpleNamespace(
             labels=[element.text for element in elements if isinstance(element, ui.label) and element.text],
+            hidden=[element.text for element in elements if isinstance(element, ui.label) and not element.visible],
             html=[element.content for element in elements if isinstance(element, ui.html)],
             inputs=[(element.props["label"], element.value, element.props["hint"]) for element in inputs],
             boxes=[element.text for element in elements if isinstance(element, ui.checkbox)],
             enabled={element.text: element.enabled for element in buttons},
             controls=[element.props["controls"] for element in elements if "controls" in element.props],
             buttons=buttons,
+            charts=[element.parent_slot.parent.visible for element in elements if isinstance(element, web.Chart)],
             stepper=next(element for element in elements if isinstance(element, ui.stepper)),
             switches=[element for element in elements if isinstance(element, ui.switch)],
             spins=any(isinstance(element, ui.spinner) for element in elements),
@@ -114,7 +118,8 @@ def test_a_simulated_bench(typed, build):
     assert len(page.buttons) == len(READING) + len(BUTTONS)
     assert page.html[2] == '<p class="twin-state twin-good">simulated drives</p>'
     assert page.labels[-1] == "Each button runs the command that you would type; it is shown here."
-    assert page.labels[:5] == [
+    begin = page.labels.index("bench.yaml")
+    assert page.labels[begin : begin + 5] == [
         "bench.yaml",
         f"{runner.file}: simulated: each command has a bus of its own",
         SIMULATED,
@@ -229,7 +234,8 @@ def test_a_changed_hardware_file_is_read_again(typed, build):
     page = build(runner)
     assert "node 3, -20 mm to 30 mm, 50 mm/s, 4 m/s^2; limits are those of the hardware file" in page.labels
     assert ("speed", "1 mm/s", "up to 40 mm/s") in page.inputs
-    assert any(label.startswith("bench.yaml has changed and was read again at ") for label in page.labels)
+    (notice,) = [label for label in page.labels if label.startswith("bench.yaml has changed and was read again at ")]
+    assert notice not in page.hidden
     assert not page.enabled["power on for a jog"]
     assert f"{CHAIN} first." in page.labels
     assert page.stepper.value == "scan"
@@ -248,7 +254,9 @@ def test_a_changed_hardware_file_is_read_again(typed, build):
         runner.begin("scan")
     runner.file.write_text(text)
     assert runner.reload()
-    assert build(runner).enabled["power on for a jog"]  # checked before, with this content
+    page = build(runner)
+    assert page.enabled["power on for a jog"]  # checked before, with this content
+    assert any("has changed" in label for label in page.hidden)
 
 
 def test_only_the_operator_acts_and_errors_are_shown(typed, monkeypatch):
@@ -274,10 +282,12 @@ def test_only_the_operator_acts_and_errors_are_shown(typed, monkeypatch):
 def test_the_card_of_a_running_command(typed, build):
     runner = typed()
     runner.begin("jog", "axis", (), (10.0, "mm/s"))
-    runner.running = True
+    runner.running, runner._page = True, object()
     page = build(runner)
     assert page.labels[-1] == runner.line == f"twin hil jog axis -f {runner.file}"
     assert page.labels[0] == "powering on ... Keys have no effect yet."
+    assert [text for text in page.labels if text in ("state", "position", "velocity", "current")] == list(TILES)
+    assert (page.charts, page.labels.count("from start")) == ([True], 0)
     assert {name for name, enabled in page.enabled.items() if enabled} == {"End"}
     assert (page.enabled["End"], page.spins, page.controls) == (True, False, [])
     runner.text = f"axis: {READY}"
@@ -291,7 +301,10 @@ def test_the_card_of_a_running_command(typed, build):
     assert ("End" in page.enabled, page.spins, page.controls) == (False, True, [])
     runner.running = False
     page = build(runner)
-    assert (page.labels[-1], page.spins) == (runner.line, False)
+    assert (page.labels[-1], page.spins, page.charts) == (runner.line, False, [False])
+    runner.motion.process_output("  position 1.00 mm from start, velocity 0.00 mm/s, current 0.00 A, Switched on   \r")
+    page = build(runner)
+    assert (page.charts, page.labels.count("from start")) == ([True], 1)
 
 
 @pytest.mark.parametrize(("word", "attended"), [("scan", False), ("jog", True)])
