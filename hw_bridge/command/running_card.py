@@ -25,6 +25,9 @@ ENDED = ("jog", "enable")  # by the person, in an orderly way
 REFRESH_PERIOD = 0.1  # of the running command [s]
 CURVES_PATH = "/commissioning/curves"
 SPAN = 10.0  # of the chart while a drive moves [s]
+CURVES_PERIOD = (
+    0.3  # of its requests [s]: a chart that follows by itself sends ten times as many, and the page must answer
+)
 TILES = ("state", "position", "velocity", "current")
 LIVE = {"6041h": "state", "6064h": "position", "606Ch": "velocity", "6078h": "current", "603Fh": "error"}
 RAW = re.compile(r" \([^()]*\)$")  # value in the drive's own unit, behind a quantity
@@ -106,6 +109,10 @@ def now(page: Page) -> None:
         kind, end.text = jog_state(typed)
         end.classes(replace=f"twin-state twin-{kind}")
         end.visible = bool(end.text)
+        if typed.attended and time.monotonic() - last_shown.get("curves", 0.0) > CURVES_PERIOD:
+            last_shown["curves"] = time.monotonic()
+            latest = max(typed.motion.span()[1], SPAN)
+            chart.show(latest - SPAN, latest)
         stage = (typed.running, typed.line, typed.controls)
         if last_shown.get("stage") == stage:
             return
@@ -116,7 +123,6 @@ def now(page: Page) -> None:
         if typed.attended and typed.node in typed.axes:
             chart.panes = motion_panes(SHOWN[typed.axes[typed.node].unit][0])
             chart.show_panes()
-            chart.show_last(SPAN)
         elif frame.visible:
             chart.show(None, None)
         plot.content = picture(page)
