@@ -15,13 +15,14 @@ from hw_bridge.hardware import TARGET_SHARE
 from twin.errors import TwinError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable
 
     from hw_bridge.commission import Axis
 
 QUANTITY = re.compile(r"[-+]?[0-9.]+([eE][-+]?[0-9]+)? ?[A-Za-z°µ/^*0-9]*")  # the command says what it means
 LONGEST = 40  # characters of it
 ROUNDING = 1e-9  # relative; of a limit that is shown in another unit
+FILE_INDEPENDENT = frozenset({"status", "dump", "compare"})  # they concern the node itself
 VARIANTS = frozenset({"--by-hand"})  # options that make another step of the same command
 
 
@@ -225,15 +226,20 @@ def unavailable(step: Step, axis: Axis, simulated: bool) -> str:
     return ""
 
 
-def prerequisite(step: Step, name: str, done: Iterable[tuple[float, str, int]]) -> str:
-    """Which step must succeed before this one; empty if none, or if one of that command has."""
-    before = {f"{number} ({each.title})": each for number, each in enumerate(STEPS, 1) if each.word == step.after}
-    done = list(done)
-    if not before or any(is_done(each, name, done) for each in before.values()):
-        return ""
-    return f"Do step {' or '.join(before)} first."
+def prerequisite(step: Step, is_done: Callable[[Step], bool]) -> str:
+    """Which steps must succeed before this one, in their order; empty if none. One of each command is enough."""
+    missing_steps, word = list[str](), step.after
+    while word:
+        before = {f"{number} ({each.title})": each for number, each in enumerate(STEPS, 1) if each.word == word}
+        if not any(map(is_done, before.values())):
+            missing_steps.insert(0, " or ".join(before))
+        word = next(each.after for each in before.values())
+    return f"Do step {', then '.join(missing_steps)} first." if missing_steps else ""
 
 
-def is_done(step: Step, name: str, done: Iterable[tuple[float, str, int]]) -> bool:
-    """Whether this step of this drive has succeeded since the server was started."""
-    return any(code == 0 and is_step(step, name, line) for _, line, code in done)
+def next_step(axis: Axis, simulated: bool, is_done: Callable[[Step], bool], begin: int = 0) -> Step | None:
+    """The first step, from number `begin` on, that the drive has and of whose command none is done; None if there is none."""
+    done_words = {step.word for step in STEPS if is_done(step)}
+    return next(
+        (step for step in STEPS[begin:] if step.word not in done_words and not unavailable(step, axis, simulated)), None
+    )

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import importlib
 import sys
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.options import table
-from hw_bridge.commission import DUPLICATE_ID, SdoSession, axis, limit_effects, profile_title_of, scan
+from hw_bridge.command.bench.options import paragraph, table
+from hw_bridge.commission import (
+    DUPLICATE_ID,
+    SdoSession,
+    axis,
+    limit_effects,
+    membership_problems,
+    profile_title_of,
+    scan,
+)
 from hw_bridge.hardware import load, stall_bounds
 from hw_bridge.plant import bench_network
 from twin.cli import say
@@ -18,12 +27,14 @@ from twin.cli.options import build_option
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Collection, Mapping, Sequence
 
     from hw_bridge.hardware import HardwareKeys
     from hw_bridge.master import Master, ModuleNode, Node
 
-__all__ = ["bench_network", "command", "differences", "profile_title_of"]
+__all__ = ["bench_network", "command", "compare_bus", "profile_title_of"]
+
+WRITE_HEAD = ("object", "name", "before", "after", "why")
 
 COMMANDS = {  # file of hw_bridge.command.bench and what it does, in the order of commissioning
     "scan": ("look", "list the nodes: vendor, product, profile, state, errors"),
@@ -82,6 +93,39 @@ def command() -> None:
     """
 
 
+@dataclass
+class Findings:
+    """Result of a check: what differs, notes, and tables by their heading. The first two are printed above the tables."""
+
+    problems: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    tables: list[tuple[str, Sequence[Sequence[str]]]] = field(default_factory=list)
+
+    def add(self, other: Findings) -> None:
+        """Append the findings of one node."""
+        self.problems += other.problems
+        self.notes += other.notes
+        self.tables += other.tables
+
+    def print(self) -> None:
+        """Print what an operator must read first, then the tables."""
+        for text in self.problems:
+            paragraph(f"differs: {text}")
+        for text in self.notes:
+            paragraph(f"note: {text}")
+        for heading, rows in self.tables:
+            paragraph(heading)
+            table(rows, 2, head=rows[:1] == [WRITE_HEAD])
+
+    @property
+    def verdict(self) -> str:
+        """Last line of the check."""
+        problems, notes = len(self.problems), len(self.notes)
+        if problems:
+            return f"Bus and hardware file differ. Above the tables: differences {problems}, notes {notes}."
+        return f"Bus and hardware file agree.{f' Notes above the tables: {notes}.' if notes else ''}"
+
+
 @command.command("check", short_help="compare the bus with a hardware file")
 @click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
 @build_option
@@ -92,24 +136,23 @@ def check(file: Path, build: Path) -> None:
     """
     keys = load(file)
     absent: dict[str, Collection[int]] = {}
-    problems = differences(keys, build, {name: axis(file, keys, name).rotary for name in keys.nodes}, absent)
-    for names, rows in limit_effects.grouped(keys, absent):
-        say(f"{', '.join(names)}: where the limits act")
-        table(rows, 2)
-    for problem in problems:
-        say(f"differs: {problem}")
-    if problems:
+    findings = compare_bus(keys, build, {name: axis(file, keys, name).rotary for name in keys.nodes}, absent)
+    findings.tables += [
+        (f"{', '.join(names)}: effect of each limit", rows) for names, rows in limit_effects.grouped(keys, absent)
+    ]
+    findings.print()
+    paragraph(findings.verdict)
+    if findings.problems:
         sys.exit(1)
-    say("Bus and hardware file agree.")
 
 
-def differences(
+def compare_bus(
     keys: HardwareKeys,
     build: Path,
     rotary: Mapping[str, bool] | None = None,
     absent: dict[str, Collection[int]] | None = None,
-) -> list[str]:
-    """Return every difference between the bus and the hardware file. `rotary`: which members turn.
+) -> Findings:
+    """Compare the bus with the hardware file; print its nodes. `rotary`: which members turn.
 
     `absent` receives, by drive, the objects of a run that it does not have.
     """
@@ -124,62 +167,54 @@ def differences(
         master.wait(500_000_000)
         nodes = {scanned.node: scanned.description for scanned in scan(sdo_session, [keys.master])}
         for number, text in nodes.items():
-            say(f"node {number}: {text}")
+            paragraph(f"node {number}: {text}")
         expected = {station.number: station for station in master.stations.values()}
-        problems = []
+        findings = Findings(membership_problems(nodes, {number: node.name for number, node in expected.items()}))
         for number, node in expected.items():
             if number not in nodes:
-                problems.append(f"{node.name}: node {number} does not answer. Check its power and node-ID.")
-            elif nodes[number].endswith(DUPLICATE_ID):
-                problems.append(f"{node.name}: node {number}: {nodes[number]}. Give one of them another.")
+                continue
+            if nodes[number].endswith(DUPLICATE_ID):
+                findings.problems.append(f"{node.name}: node {number}: {nodes[number]}. Give one of them another.")
+            elif differing := master.compare(node):
+                findings.problems += differing
             else:
-                differing = master.compare(node)
-                problems += differing or unready(master, node)
+                findings.add(unready(master, node))
         if absent is not None:
             absent |= {name: drive.absent for name, drive in master.nodes.items()}
         answering = [node for node in master.nodes.values() if node.number in nodes and not node.doubled]
-        problems += active_drives(answering, master.wait)
-        strangers = [number for number in nodes if number not in expected]
-        problems += [
-            f"node {number} is not in the hardware file. Add it, or take it off the bus." for number in strangers
-        ]
-        return problems + ([master.foreign_master.text] if master.foreign_master.action else [])
+        findings.problems += active_drives(answering, master.wait)
+        findings.problems += [master.foreign_master.text] if master.foreign_master.action else []
+        return findings
     finally:
         master.network.close()
 
 
-def unready(master: Master, station: Node | ModuleNode) -> list[str]:
-    """Return why a matching node could not be run now; prints what a run would write, and notes."""
-    from hw_bridge.command.bench.options import table
+def unready(master: Master, station: Node | ModuleNode) -> Findings:
+    """Return why a matching node could not be run now, what a run would write, and notes."""
     from hw_bridge.commission import inspect, limits, planned_rows, write_heading
     from hw_bridge.master import Node, setup
 
     plan = master.plan(station)
-    for line in plan.sizes():
-        say(f"note: {line}")
     rows = planned_rows(plan)
-    say(write_heading(plan, rows))
-    table([("object", "name", "before", "after", "why"), *rows], 2, head=True)
-    for text in plan.notes:
-        say(f"note: {text}")
-    problems = [*plan.refused, *plan.problems]
+    findings = Findings(
+        [*plan.refused, *plan.problems],
+        [*plan.sizes(), *plan.notes],
+        [(write_heading(plan, rows), [WRITE_HEAD, *rows])],
+    )
     if not isinstance(station, Node):
-        return problems
+        return findings
     inspection = inspect(station)
-    for group, values in inspection.groups.items():
-        say(f"{station.name}: {group}, unchanged unless the hardware file sets it:")
-        table(values, 2)
-    for text in (
-        *inspection.notes,
-        stall_bounds.bound(master.keys, station.name, station.keys, station.rotary, station.mirror),
-    ):
-        say(f"note: {text}")
+    findings.tables += [
+        (f"{station.name}: {group}, unchanged unless the hardware file sets it:", values)
+        for group, values in inspection.groups.items()
+    ]
+    findings.notes += inspection.notes
+    findings.notes.append(stall_bounds.bound(master.keys, station.name, station.keys, station.rotary, station.mirror))
     fault = setup.faults(station)
-    wider_limits = list(limits.wider(station, limits.compare(station)))
-    for text, absurd in wider_limits:
-        if not absurd:
-            say(f"note: {text}")
-    return [*problems, *(text for text, absurd in wider_limits if absurd), *([fault] if fault else [])]
+    for text, is_absurd in limits.wider(station, limits.compare(station)):
+        (findings.problems if is_absurd else findings.notes).append(text)
+    findings.problems += [fault] if fault else []
+    return findings
 
 
 @command.command("reset", short_help="leave Fault, once the cause is known")
@@ -213,7 +248,7 @@ def reset_drive(master: Master, node: Node) -> bool:
 
     try:
         if problems := master.compare(node):
-            say(f"differs: {' '.join(problems)}")
+            paragraph(f"differs: {' '.join(problems)}")
             return False
         if not (fault := setup.faults(node)) and (fault := pending_error(node)):
             assert_not_driven(node)  # a reset begins with 6040h = 0: a moving axis would coast or fall
@@ -222,7 +257,7 @@ def reset_drive(master: Master, node: Node) -> bool:
             return True
         state = setup.reset(node)
     except SimulationError as error:
-        say(f"differs: {error}")
+        paragraph(f"differs: {error}")
         return False
     say(f"{fault} Reset: {state}.{' Its cause is still there.' if state is State.FAULT else ''}")
     return state is not State.FAULT

@@ -6,6 +6,7 @@ renewals of the operator's page, and ends without them or this server. `--arm` c
 
 from __future__ import annotations
 
+import hashlib
 import math
 import os
 import shlex
@@ -21,18 +22,23 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from hw_bridge.command.bench.motion import EXPIRED, READY
+from hw_bridge.command.commissioning_steps import FILE_INDEPENDENT
+from hw_bridge.command.live_motion import LiveMotion
+from hw_bridge.command.progress import Progress, outcome
 from hw_bridge.command.state_watch import StateWatch
-from hw_bridge.commission import HOLD
-from hw_bridge.hardware import load
+from hw_bridge.commission import HOLD, axis
+from hw_bridge.hardware import load, resolve_bench
 from twin.errors import TwinError
 from twin.live import Channel, ClosedError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+    from pathlib import Path
 
+    from hw_bridge.command.commissioning_steps import Step
     from twin.console import Host
 
-SHOWN = 20_000  # characters of what a command prints
+SHOWN = 100_000  # characters of what a command prints
 HISTORY_LENGTH = 50  # commands that are listed
 END_TIMEOUT = 15.0  # of a command after Ctrl-C: its stop, and restoration of the drive [s]
 READS = frozenset({"scan", "status", "dump", "compare", "check"})  # beside a session and other programs too
@@ -46,7 +52,12 @@ class Typed:
     def __init__(self, console: Host) -> None:
         assert console.hardware is not None
         self.console, self.file = console, console.hardware
-        self.keys = load(self.file)
+        self.content = ""  # hash of the hardware file
+        self.file_problem = ""  # why the file cannot be used now; `keys` and `axes` are then those of before
+        self.read_again = 0.0  # when a changed file was read [s since the epoch], or 0
+        self._read_file()
+        self.progress = Progress(console.runs / "commissioning" / "progress.json", self.scope)
+        self.motion = LiveMotion()
         self.watch = StateWatch(self.file, console.build)  # only between commands: never two SDO clients of a node
         self.text = self.line = ""
         self.word = self.node = ""  # of what goes on, or went last
@@ -97,13 +108,47 @@ class Typed:
         """Whether a command may move real drives, and this server was started without --arm."""
         return word in MOVES and not self.console.arm and not self.keys.is_software()
 
+    # ---------------------------------------------------------------------------------------------- the hardware file
+
+    def _read_file(self) -> None:
+        """Read the hardware file; TwinError if it is wrong."""
+        self.content = digest(self.file)
+        keys = load(self.file)
+        self.axes = {name: axis(self.file, keys, name) for name in keys.nodes}
+        self.keys = keys
+
+    def reload(self) -> bool:
+        """Read the hardware file again if its content has changed, unless a command runs; return whether it has."""
+        with self._lock:
+            return not self.running and self._reload()
+
+    def _reload(self) -> bool:
+        if digest(self.file) == self.content:
+            return False
+        self.file_problem, self.read_again = "", time.time()
+        try:
+            self._read_file()
+        except TwinError as error:
+            self.file_problem = str(error)
+        self.watch.pause()  # its process has read the former file
+        self.watch.resume()
+        self.changed += 1
+        return True
+
+    def scope(self, step: Step, node: str) -> str:
+        """What the success of a step depends on: the node itself, or the content of the hardware file."""
+        if step.word not in FILE_INDEPENDENT:
+            return self.content
+        number = next((station.node for _, name, station in self.keys.stations() if name == node), 0)
+        return f"{self.keys.interface} {self.keys.channel} node {number}"
+
     # -------------------------------------------------------------------------------------------------------- begin
 
     def begin(
         self, word: str, node: str = "", options: Sequence[str] = (), speed: tuple[float, str] = (0.0, "")
     ) -> None:
-        """Start a command; TwinError if another one runs, if the session uses the drives, if they are not armed, or if
-        STOP was pressed while it waited for the live state to end.
+        """Start a command; TwinError if another one runs, if the session uses the drives, if they are not armed, if the
+        hardware file is not the one that the page shows, or if STOP was pressed while it waited for the live state to end.
 
         `speed`: of a jog with its unit, as shown on the page.
         """
@@ -113,6 +158,10 @@ class Typed:
                 raise TwinError(f"twin hil {self.word} goes on. End it first.")
             if word not in READS and (drives_in_use := self.console.drives_in_use):
                 raise TwinError(drives_in_use)
+            if self._reload():
+                raise TwinError(f"{self.file} has changed and was read again. Look at its limits, then check it.")
+            if self.file_problem:
+                raise TwinError(self.file_problem)
             if self.needs_arm(word):
                 keys = self.keys
                 raise TwinError(
@@ -128,6 +177,7 @@ class Typed:
             self.line = shlex.join(["twin", "hil", *words])
             self.word, self.node, self.speed, self.text = word, node, speed, ""
             self._held = (0.0, -math.inf)
+            self.motion.begin()
             self._start([*words, "--build", str(self.console.build)], word in MOVES)
             if self._stop_count != stop_count:  # meanwhile: there was no process yet
                 self.stop()
@@ -157,11 +207,16 @@ class Typed:
         """Collect its output until it ends."""
         assert process.stdout is not None
         while data := os.read(process.stdout.fileno(), 4096):
-            self.text = settled(self.text + data.decode(errors="replace"))
+            text = data.decode(errors="replace")
+            self.motion.process_output(text)
+            self.text = settled(self.text + text)
             self.changed += 1
         process.stdout.close()
         self.outputs.appendleft(self.text)
         self.done.appendleft((begin_time, self.line, process.wait()))
+        if digest(self.file) == self.content:  # else the command may have read another file than the page shows
+            result = outcome(self.word, self.done[0][2], self.text, self.motion.has_moved)
+            self.progress.record(self.line, self.node, result)
         page, self._page = self._page, None
         if page is not None:
             page.end.close()
@@ -242,6 +297,14 @@ class Typed:
                 self.process.kill()
             assert self._listener is not None
             self._listener.join(END_TIMEOUT)
+
+
+def digest(file: Path) -> str:
+    """Hash of a hardware file's content; empty if it cannot be read."""
+    try:
+        return hashlib.sha256(resolve_bench(file).read_bytes()).hexdigest()
+    except (OSError, TwinError):
+        return ""
 
 
 def settled(text: str) -> str:

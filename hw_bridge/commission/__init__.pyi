@@ -15,6 +15,7 @@ from .axes import axis as axis
 from .axes import parse_quantity as parse_quantity
 from .bus_scan import DUPLICATE_ID as DUPLICATE_ID
 from .bus_scan import ScannedNode as ScannedNode
+from .bus_scan import membership_problems as membership_problems
 from .bus_scan import profile_name_of as profile_name_of
 from .bus_scan import profile_title_of as profile_title_of
 from .bus_scan import scan as scan
@@ -24,6 +25,7 @@ from .deadman import HeldKey as HeldKey
 from .deadman import Keyboard as Keyboard
 from .inspection import Inspection as Inspection
 from .inspection import inspect as inspect
+from .page_watchdog import PAGE_SILENT as PAGE_SILENT
 from .page_watchdog import PageWatchdog as PageWatchdog
 from .planned import PlannedRow as PlannedRow
 from .planned import planned_rows as planned_rows

@@ -15,7 +15,7 @@ from hw_bridge.profiles import DEVICES, DRIVE_PROFILES, identity, profile, profi
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Mapping
 
     from hw_bridge.commission.sdo_session import SdoSession
 
@@ -65,6 +65,23 @@ def scan(sdo_session: SdoSession, left_out: Collection[int] = ()) -> list[Scanne
     ]
     return nodes + [
         ScannedNode(number, problem=MUTE) for number in sorted(sdo_session.states.keys() - count.keys() - {*left_out})
+    ]
+
+
+def membership_problems(responding: Collection[int], expected: Mapping[int, str]) -> list[str]:
+    """Problem text for each node of a hardware file that does not answer, and for each other node that does.
+
+    `expected`: names of the file's nodes by node-ID.
+    """
+    absent = [
+        f"{name}: node {number} does not answer. Check its power and node-ID."
+        for number, name in expected.items()
+        if number not in responding
+    ]
+    return absent + [
+        f"node {number} is not in the hardware file. Add it, or take it off the bus."
+        for number in responding
+        if number not in expected
     ]
 
 

@@ -47,7 +47,7 @@ def rows(keys: HardwareKeys, node: NodeKeys, absent: Collection[int] = ()) -> li
         ),
         (
             "actual_value_age",
-            f"{oldest / 1e6:.4g} ms at SYNC: {WATCHED}; values that stay away end a run after {missed} cycles; {own_lateness}",
+            f"{oldest / 1e6:.4g} ms at SYNC: {WATCHED}; missing values end a run after {missed} cycles; {own_lateness}",
         ),
     ]
 

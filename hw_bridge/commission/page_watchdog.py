@@ -21,6 +21,7 @@ ATTENDED = (
     0.5  # what moves without a held button ends so long after the last renewal [s]; estimate: fifteen are lost then
 )
 BUTTON = "button"
+PAGE_SILENT = "the operator's page has not answered"
 
 
 class PageWatchdog:
@@ -43,7 +44,7 @@ class PageWatchdog:
         except ClosedError:
             raise SimulationError("the server of the page has ended: stopped.") from None
         if (silent := self._now() - self.renewed) > ATTENDED:
-            raise SimulationError(f"the operator's page has not answered for {1e3 * silent:.0f} ms: stopped.")
+            raise SimulationError(f"{PAGE_SILENT} for {1e3 * silent:.0f} ms: stopped.")
 
     def _take(self, message: dict[str, float]) -> None:
         """Process a renewal (`here`, with `hold` and `press` for a held button), `release_hold`, or `end`."""

@@ -71,6 +71,8 @@ class SingleAxisSession:
         self.paced = False  # whether a bus in simulated time keeps to the wall clock, for a person's keys
         self.ramp = Ramp(0.0, 1.0, 1.0)
         self.next_line = 0  # when live values are shown again [ns]
+        self.origin = "from start"  # what positions count from
+        self._before: tuple[int, float, float] | None = None  # time, position and origin of the last mean velocity
         self.note = ""  # what the operator must know now, such as a limit; shown behind the live values
 
     @property
@@ -85,6 +87,8 @@ class SingleAxisSession:
         with hangup_as_interrupt():
             try:
                 self.master.begin({self.node.name: start})
+                if homed is not None or self.keys.homing is not None:
+                    self.origin = "from reference"
                 if homed is not None:
                     self._count_from_reference(homed)
                 limits = self.keys.limits
@@ -107,6 +111,17 @@ class SingleAxisSession:
         node.target_position = node.position
         node.entered_from = node.position  # it may come back from outside of the limits
         setup.limit_positions(node)
+
+    def mean_velocity(self) -> float:
+        """Mean velocity since the last call [m/s or rad/s]: positions resolve slow motion that 606Ch rounds.
+
+        606Ch at the first call, and where homing has moved the origin.
+        """
+        node, now = self.node, self.network.now
+        before, self._before = self._before, (now, node.position, node.origin)
+        if before is None or now <= before[0] or node.origin != before[2]:
+            return node.velocity
+        return 1e9 * (node.position - before[1]) / (now - before[0])
 
     def go(self, position: float) -> None:
         """Run one cycle with this target position."""
@@ -163,10 +178,10 @@ def hangup_as_interrupt() -> Iterator[None]:
         signal.signal(signal.SIGHUP, before)
 
 
-def check_bounded(value: float, limit: float, what: str, to_text: Callable[[float], str]) -> float:
-    """Check a speed or acceleration against the hardware file's limit; SimulationError with both numbers."""
+def check_bounded(value: float, limit: float, what: str, source: str, to_text: Callable[[float], str]) -> float:
+    """Check a quantity against a limit of the hardware file, `source`; SimulationError with both numbers."""
     if not 0.0 < value <= limit:
         raise SimulationError(
-            f"{what} {to_text(value)} is not above 0 and at most {to_text(limit)}, by the hardware file."
+            f"{what} {to_text(value)}: must be above 0 and at most {to_text(limit)}, {source} of the hardware file."
         )
     return value

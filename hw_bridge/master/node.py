@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections import deque
-from math import degrees, floor, log10
+from math import degrees
 from operator import itemgetter
 from typing import TYPE_CHECKING
 
@@ -169,13 +169,6 @@ class Node(Station):
     def format_length(self, value: float) -> str:
         """Format a position or distance with its unit."""
         return f"{degrees(value):.2f} deg" if self.rotary else f"{1e3 * value:.2f} mm"
-
-    def format_speed(self, value: float) -> str:
-        """Format a speed with its unit and at most the decimals that the drive resolves."""
-        shown = degrees(value) if self.rotary else 1e3 * value
-        step = abs(self.sign * self.units.velocity) * (degrees(1.0) if self.rotary else 1e3)
-        decimals = min(max(-floor(log10(step) + 1e-9), 0), 2) if step > 0.0 else 2
-        return f"{shown:.{decimals}f} {'deg' if self.rotary else 'mm'}/s"
 
     def device_position(self, position: float) -> int:
         """Convert a position to device units."""

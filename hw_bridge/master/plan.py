@@ -182,7 +182,7 @@ def plan_drive(node: Node, period: int, master: int) -> WritePlan:
 
 
 def _goes_on_alone(plan: WritePlan, node: Node) -> list[str]:
-    """Return why a drive may keep its last target velocity when this program's heartbeat stays away.
+    """Return why a drive may keep its last target velocity when this program's heartbeat is missing.
 
     With a target position it stands at its last target.
     """

@@ -31,7 +31,7 @@ OPTIONAL = {
     0x6007: Requirement(
         0,
         "Abort connection option code",
-        "what it does when this program's heartbeat stays away is its own choice: try it",
+        "what it does when this program's heartbeat is missing is its own choice: try it",
     ),
     0x603F: Requirement(0, "Error code", "errors are told by EMCY and 1003h"),
     0x6061: Requirement(0, "Modes of operation display", "that another program changed its mode is not noticed"),

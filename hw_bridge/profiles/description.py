@@ -105,7 +105,7 @@ class Device:
     output_objects: frozenset[int] = frozenset()  # valves, brakes, fault pins
 
 
-QUICK_STOP_WHEN_LOST = SetupWrite(0x6007, 0, 3, "a quick stop when this program's heartbeat stays away")
+QUICK_STOP_WHEN_LOST = SetupWrite(0x6007, 0, 3, "a quick stop when this program's heartbeat is missing")
 DISABLED_AFTER_QUICK_STOP = SetupWrite(0x605A, 0, 2, "a quick stop ends disabled")
 RATED, MILLIAMPERE = 0.0, 1e-3  # current of one unit of an object [A]; RATED: as 6077h counts
 

@@ -12,14 +12,15 @@ from hw_bridge.command.commissioning_steps import (
     ANY_TIME,
     READING,
     STEPS,
-    is_done,
+    is_step,
     missing,
     options,
     prerequisite,
     problem,
     unavailable,
 )
-from hw_bridge.command.pages import EXPIRED, PANEL, jog_state, parts, result, state_text
+from hw_bridge.command.pages import PANEL
+from hw_bridge.command.running_card import EXPIRED, jog_state, parts, result, state_text
 from hw_bridge.command.typed import MOVES, settled
 from hw_bridge.commission import axis
 from hw_bridge.hardware import load
@@ -130,7 +131,7 @@ def test_a_jog_moves_while_it_is_renewed_and_ends_with_its_page(typed):
     until(lambda: place(one) > 1.0, meanwhile=lambda: one.hold("jog axis", 1.0, 2, 0.0))
     assert one.held == {"jog axis": 1.0}
     one.release_hold()
-    until(lambda: " 0 mm/s" in one.text and "Operation enabled" in one.text, meanwhile=lambda: one.here(0.0))
+    until(lambda: " 0.00 mm/s" in one.text and "Operation enabled" in one.text, meanwhile=lambda: one.here(0.0))
     assert one.held == {}
     there = place(one)
     begun = time.monotonic()
@@ -139,6 +140,10 @@ def test_a_jog_moves_while_it_is_renewed_and_ends_with_its_page(typed):
     assert "the operator's page has not answered" in one.text
     assert place(one) == pytest.approx(there, abs=0.05)
     assert one.done[0][2] == 1
+    assert one.progress.time_of(next(step for step in STEPS if step.word == "jog"), "axis")  # it has moved
+    (times, position), (_, current) = (one.motion.read(name, 0.0, 1e9, 4000) for name in ("position", "current"))
+    assert (position[0], position.max() > 1.0, len(times) == len(current) > 5) == (0.0, True, True)
+    assert one.motion.origin == "from start"
 
 
 def place(one):
@@ -225,14 +230,14 @@ def test_what_is_filled_in_is_what_is_typed():
     assert settled("a\n\r1 mm\r2 mm") == "a\n2 mm"
 
 
-def test_a_step_is_done_once_its_own_command_has_succeeded():
+def test_how_a_command_has_ended():
     push, by_hand, jog = STEPS[len(READING) :][:3]
-    typed = SimpleNamespace(word="jog", node="axis", text="error: no power.\nSwitch it on.\n")
-    typed.done = [(2.0, "twin hil jog axis -f b.yaml", 1), (1.0, "twin hil direction axis -f b.yaml --by-hand", 0)]
-    assert [is_done(step, "axis", typed.done) for step in (push, by_hand, jog)] == [False, True, False]
-    assert not is_done(by_hand, "axis_2", typed.done)
-    assert is_done(READING[0], "axis", [(1.0, "twin hil scan -f b.yaml", 0)])
-    assert is_done(READING[4], "axis", [(1.0, "twin hil check b.yaml", 0)])
+    lines = ("jog axis -f b.yaml", "direction axis -f b.yaml --by-hand", "scan -f b.yaml", "check b.yaml")
+    of = {line: [step.title for step in STEPS if is_step(step, "axis", f"twin hil {line}")] for line in lines}
+    assert list(of.values()) == [[jog.title], [by_hand.title], ["scan"], ["check"]]
+    assert not is_step(by_hand, "axis_2", f"twin hil {lines[1]}")
+    assert push.title == "direction, push"
+    typed = SimpleNamespace(word="jog", node="axis", text="error: no power.\nSwitch it on.\n", done=[(2.0, "", 1)])
     assert result(typed) == ("bad", "✗ jog axis: no power. Switch it on.")
     assert parts(typed)[0] == ""  # the sentence above the output has it
     typed.done[0] = (2.0, "", 130)
@@ -240,22 +245,34 @@ def test_a_step_is_done_once_its_own_command_has_succeeded():
         "neutral",
         "jog axis: stopped by STOP or Esc. It did not report the state of the drive: run status.",
     )
-    assert result(SimpleNamespace(word="scan", node="", text="", done=[(1.0, "", 0)])) == ("good", "✓ scan: done")
+    typed = SimpleNamespace(word="scan", node="", text="", done=[(1.0, "", 0)])
+    assert result(typed) == ("good", "✓ scan: done")
+    typed.text = "node 1: note: x\nnote: axis: a limit\n  is wider.\nnote: b\naxis: tables\n  note: no\n"
+    assert result(typed) == ("warn", "✓ scan: done, 2 notes")
+    typed.done[0] = (1.0, "", 1)
+    assert result(typed) == ("bad", "✗ scan: ended with exit code 1")
+    typed.text = "differs: axis: its scale\n  is ASSUMED.\ndiffers: node 1 is not in the file.\nnote: b\n"
+    assert result(typed) == ("bad", "✗ scan: axis: its scale is ASSUMED. node 1 is not in the file.")
 
 
-def test_a_step_waits_for_the_step_before_it(typed):
-    """Either kind of `direction` will do; what reads waits for nothing."""
-    steps = {step.title: step for step in STEPS}
-    done = []
-    assert {title for title, step in steps.items() if not prerequisite(step, "axis", done)} == {
-        step.title for step in READING
-    }
-    assert prerequisite(steps["jog"], "axis", done) == "Do step 6 (direction, push) or 7 (direction, by hand) first."
-    assert prerequisite(steps["direction, push"], "axis", done) == "Do step 5 (check) first."
-    for line in ("check b.yaml", "direction axis -f b.yaml --by-hand", "jog axis -f b.yaml"):
-        done.append((1.0, f"twin hil {line}", 0))
-    assert not any(prerequisite(step, "axis", done) for step in STEPS)
-    assert prerequisite(steps["move"], "axis", [(1.0, "twin hil jog axis -f b.yaml", 1)]) == "Do step 8 (jog) first."
+def test_a_step_waits_for_the_steps_before_it(typed):
+    """For all of them, by their numbers. Either kind of `direction` will do; what reads waits for nothing."""
+    steps, done = {step.title: step for step in STEPS}, set()
+
+    def before(title):
+        return prerequisite(steps[title], lambda step: step.title in done)
+
+    assert {title for title in steps if not before(title)} == {step.title for step in READING}
+    directions = "6 (direction, push) or 7 (direction, by hand)"
+    assert before("direction, push") == "Do step 5 (check) first."
+    assert before("jog") == f"Do step 5 (check), then {directions} first."
+    assert before("move") == f"Do step 5 (check), then {directions}, then 8 (jog) first."
+    done |= {"direction, by hand", "jog"}
+    assert before("move") == "Do step 5 (check) first."  # which has failed since
+    done.add("check")
+    assert not any(map(before, steps))
+    done.remove("direction, by hand")
+    assert before("home") == f"Do step {directions} first."
 
 
 def test_a_step_that_a_drive_has_not_got_says_why(typed):
@@ -299,7 +316,15 @@ def test_a_field_says_what_it_expects(typed, word, option, text):
 @every_case(
     ("last", "text"),
     [
-        ("> 9.99 mm 1.00 mm/s 0.10 A  Operation enabled   ", "ready: hold an arrow key or a button"),
+        ("  9.99 mm 1.00 mm/s 0.10 A  Operation enabled   ", "ready: hold an arrow key or a button"),
+        (
+            "> position 9.99 mm from start, velocity 1.00 mm/s, current 0.10 A, Operation enabled   ",
+            "moves to positive positions while the button is held",
+        ),
+        (
+            "< position 9.99 mm from start, velocity -1.00 mm/s, current 0.10 A, Operation enabled   \r",
+            "moves to negative positions while the button is held",
+        ),
         ("0.99 mm 0 mm/s 0.10 A  Operation enabled   dead-man switch   \r", EXPIRED),
         (
             "10.00 mm 0.00 mm/s 0.10 A  Operation enabled   upper end (--distance)   \r",
@@ -317,6 +342,7 @@ def test_a_jog_says_what_it_does(typed, last, text):
     one.word, one.node, one.running = "jog", "axis", True
     assert jog_state(one) == ("neutral", "powering on ... Keys have no effect yet.")
     one.text = f"axis: hold a button; -10.00 mm to 10.00 mm.\n{last}"
+    one.motion.process_output(f"{last}\r")
     one.hold("jog axis", 1.0, 1, 0.0)
     assert one.held == ({} if text is EXPIRED else {"jog axis": 1.0})
     assert jog_state(one) == ("good" if text.startswith("ready") else "warn", text)

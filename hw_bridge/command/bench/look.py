@@ -10,6 +10,7 @@ import click
 
 from hw_bridge.command.bench.options import NODE, PROFILE, on_a_bus, paragraph, table
 from twin.cli import say
+from twin.errors import SimulationError
 
 if TYPE_CHECKING:
     from hw_bridge.command.bench.options import BusChoice
@@ -26,12 +27,14 @@ NO_ANSWER = (
 def scan_command(bus: BusChoice) -> None:
     """Scan all node-IDs: vendor, product, revision, profile, state, errors. Nothing is written.
 
+    With a hardware file, exit code 1 if one of its nodes does not answer, or another node does.
+
     \b
     twin hil scan -i socketcan -c can0
     twin hil scan -i slcan -c /dev/ttyACM0 --bitrate 500000
     twin hil scan -f my_bench.yaml
     """
-    from hw_bridge.commission import scan
+    from hw_bridge.commission import membership_problems, scan
 
     with bus.sdo_session() as sdo_session:
         nodes = scan(sdo_session)
@@ -51,6 +54,13 @@ def scan_command(bus: BusChoice) -> None:
         if not nodes:
             paragraph(NO_ANSWER)
             sys.exit(1)
+        if bus.keys is None:
+            return
+        problems = membership_problems([item.node for item in nodes if item.node != bus.keys.master], names)
+        for text in problems:
+            paragraph(f"differs: {text}")
+        if problems:
+            sys.exit(1)
 
 
 @click.command("status")
@@ -68,10 +78,17 @@ def status_command(bus: BusChoice, node: str, profile: str | None) -> None:
     """
     from hw_bridge.commission import status
     from hw_bridge.dictionary import State, state_of
+    from hw_bridge.master import SilentError
 
     with bus.sdo_session() as sdo_session:
         station = sdo_session.node(node, profile or "")
-        report = status(station)
+        try:
+            report = status(station)
+        except SilentError:
+            raise SimulationError(
+                f"{station.name}: node {station.number} does not answer. Check its power and node-ID; "
+                "twin hil scan lists the nodes that answer."
+            ) from None
         say(f"{station.name}: {station.profile.title}")
         width = max((len(name) for rows in report.groups.values() for name, _ in rows), default=0)
         for group, rows in report.groups.items():
@@ -135,7 +152,6 @@ def monitor_command(
 def current_values(stations: list[Station]) -> dict[str, list[tuple[str, str]]]:
     """Name and value of the monitored objects of each node."""
     from hw_bridge.commission import monitored_rows
-    from twin.errors import SimulationError
 
     values = {}
     for station in stations:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -47,8 +48,11 @@ def ramp(axis: Axis, velocity: str | None, acceleration: str | None) -> tuple[fl
     limits = axis.keys.limits
     speed = SLOW * limits.velocity if velocity is None else axis.si(velocity, "--velocity", "/s")
     rate = GENTLE * limits.acceleration if acceleration is None else axis.si(acceleration, "--acceleration", "/s^2")
-    check_bounded(speed, TARGET_SHARE * limits.velocity, "--velocity", lambda value: axis.format_quantity(value, "/s"))
-    check_bounded(rate, limits.acceleration, "--acceleration", lambda value: axis.format_quantity(value, "/s^2"))
+    path = f"nodes.{axis.name}.limits"
+    speed_to_text, rate_to_text = (partial(axis.format_quantity, suffix=suffix) for suffix in ("/s", "/s^2"))
+    share = f"{100 * TARGET_SHARE:.0f} % of {path}.velocity"
+    check_bounded(speed, TARGET_SHARE * limits.velocity, "--velocity", share, speed_to_text)
+    check_bounded(rate, limits.acceleration, "--acceleration", f"{path}.acceleration", rate_to_text)
     return speed, rate
 
 
@@ -93,7 +97,7 @@ def move_command(
         check_target(session, goal)
         say(
             f"{session.node.name}: from {session.node.format_length(begin)} to {session.node.format_length(goal)} at "
-            f"{axis.format_quantity(speed, '/s')}."
+            f"{axis.format_quantity(speed, '/s')}; positions count {session.origin}."
         )
         there = session.move(goal, speed, rate)
         furthest = max(abs(sample.target - sample.position) for sample in session.samples)
@@ -161,7 +165,8 @@ def jog_command(
         session.ramp.acceleration = rate
         session.ramp.low = min(max(low, here - reach), here)
         session.ramp.high = max(min(high, here + reach), here)
-        ends = f"{session.node.format_length(session.ramp.low)} to {session.node.format_length(session.ramp.high)}"
+        to_text = session.node.format_length
+        ends = f"{to_text(session.ramp.low)} to {to_text(session.ramp.high)} {session.origin}"
         page = page_watchdog()
         say(f"{session.node.name}: {f'{READY}; {ends}.' if page else f'hold an arrow key; {ends}. q ends it.'}")
         while True:

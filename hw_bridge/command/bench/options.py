@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from hw_bridge.commission import SdoSession
 
 WIDTH = 80  # columns of a terminal
+LABEL = re.compile(r"(note|differs|warning|refused|not restored): ")  # of a paragraph whose further lines are indented
 LAST, NARROWEST = 24, 12  # least columns of the last column, and of others that are wrapped
 
 
@@ -203,5 +205,8 @@ def table(rows: Sequence[Sequence[str]], indent: int = 0, head: bool = False) ->
 
 
 def paragraph(text: str, indent: int = 0) -> None:
-    """Print a text wrapped at the terminal's width."""
-    table([(text,)], indent)
+    """Print a text wrapped at the terminal's width; further lines of a note or a difference are indented, so that a page finds its end."""
+    import textwrap
+
+    for line in textwrap.wrap(text, WIDTH - indent, subsequent_indent="  " if LABEL.match(text) else ""):
+        say(" " * indent + line)

@@ -118,16 +118,23 @@ def switching_needs_arm(bus: BusChoice, node: Station, entry: Entry, arm: bool) 
 @click.command("dump")
 @NODE
 @FILE
+@click.option("--force", is_flag=True, help="Overwrite FILE.dcf if it exists.")
 @PROFILE
 @on_a_bus
-def dump_command(bus: BusChoice, node: str, file: Path, profile: str | None) -> None:
+def dump_command(bus: BusChoice, node: str, file: Path, force: bool, profile: str | None) -> None:
     """Write all parameters of NODE into a DCF file (CiA 306), which other tools read too. The drive is only read.
+
+    An existing file is refused without --force: it may be the only copy of the values before a change.
 
     \b
     twin hil dump 1 before.dcf -i socketcan -c can0
     """
     from hw_bridge.commission import dcf, objects
 
+    if file.exists() and not force:
+        raise SimulationError(
+            f"{file}: exists, and may be the only copy of the drive's former values. Give another name, or --force."
+        )
     with bus.sdo_session() as sdo_session:
         station = sdo_session.node(node, profile or "")
         objects.learn(station)

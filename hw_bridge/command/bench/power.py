@@ -46,7 +46,9 @@ def enable_command(bus: BusChoice, node: str, duration: float | None, arm: bool,
     ):
         page = page_watchdog()
         ends = " q or Ctrl-C ends it." if page is None else ""
-        say(f"{session.node.name}: {session.node.state} at {session.node.format_length(session.node.position)}.{ends}")
+        say(
+            f"{session.node.name}: {session.node.state} at {session.node.format_length(session.node.position)} {session.origin}.{ends}"
+        )
         begin = session.network.now
         while duration is None or session.network.now - begin < duration * 1e9:
             session.rest(session.cycle)

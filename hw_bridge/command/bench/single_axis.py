@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from contextlib import contextmanager
 from functools import partial
@@ -22,6 +23,10 @@ if TYPE_CHECKING:
 
 PAGE = "hw_bridge.attendance"  # of click's context
 LINE_PERIOD = 100_000_000  # of the line with live values [ns]
+LIVE_VALUES = re.compile(  # what `show_live` prints for a page
+    r"(?P<mark>[<> ]) position +(?P<position>\S+) (?P<unit>\S+) (?P<origin>[a-z ]+), velocity +(?P<velocity>\S+ \S+), "
+    r"current +(?P<current>\S+) A, (?P<state>.+?)   "
+)
 STOPPED_IN_STATE = r": stopped, in (.*)\."  # last line of an interrupted command, which a page shows
 
 
@@ -161,9 +166,12 @@ def show_live(session: SingleAxisSession, is_page: bool = False) -> None:
         return
     session.next_line = now + LINE_PERIOD
     mark = {1: ">", -1: "<"}.get((session.ramp.velocity > 0) - (session.ramp.velocity < 0), " ")
-    position, speed, current = node.format_length(node.position), node.format_speed(node.velocity), node.current
+    position, speed = node.format_length(node.position), f"{node.format_length(session.mean_velocity())}/s"
+    current = node.current
     if is_page:
-        values = f"position {position:>10}, velocity {speed:>9}, current {current:5.2f} A, {node.state}"
+        values = (
+            f"position {position:>10} {session.origin}, velocity {speed:>9}, current {current:5.2f} A, {node.state}"
+        )
     else:
         values = f"{position:>14} {speed:>14} {current:8.2f} A"
     sys.stdout.write(f"\r{mark} {values}   {session.note:<27}{chr(13) if is_page else ''}")

@@ -46,17 +46,14 @@ def step_command(bus: BusChoice, node: str, by: str | None, plot: Path, explain:
     \b
     twin hil step servomotor --by "0.2 mm" -f my_bench.yaml --arm
     """
-    from hw_bridge.commission import restrict_to_node
+    from hw_bridge.commission import check_bounded, restrict_to_node
     from hw_bridge.commission import step as steps
 
     axis = select_axis(bus, node)
     limit = axis.keys.limits.following_error
     size = 0.1 * limit if by is None else axis.si(by, "--by")
-    if not 0.0 < abs(size) <= SHARE * limit:
-        raise SimulationError(
-            f"--by {axis.format_quantity(size)} is not above 0 and at most {axis.format_quantity(SHARE * limit)}: "
-            "half of limits.following_error."
-        )
+    source = f"half of nodes.{axis.name}.limits.following_error"
+    check_bounded(abs(size), SHARE * limit, "--by", source, axis.format_quantity)
     keys = restrict_to_node(hardware(bus), axis.name)
     try:
         expected = steps.simulated(keys, axis.name, size, bus.build, {})

@@ -58,7 +58,7 @@ def bench(tmp_path, monkeypatch):
     monkeypatch.setattr(hil, "bench_network", lambda *_: "network")
     monkeypatch.setattr(hil, "SdoSession", lambda network: "session")
     monkeypatch.setattr(hil, "scan", lambda session, left_out: made.looked.append(left_out) or made.scanned)
-    monkeypatch.setattr(hil, "unready", lambda _, node: made.plans.append(node.name) or [])
+    monkeypatch.setattr(hil, "unready", lambda _, node: made.plans.append(node.name) or hil.Findings())
     monkeypatch.setattr("hw_bridge.master.Master", made.master)
     monkeypatch.setattr(
         "hw_bridge.master.active_drives", lambda nodes, _: made.active.append([n.name for n in nodes]) or []
@@ -96,7 +96,7 @@ def test_every_difference_between_a_bus_and_its_file(bench, capsys, changes, pro
         setattr(bench, name, value)
     absent = {}
     keys = load(bench.file)
-    assert hil.differences(keys, bench.file.parent, {"axis": True}, absent) == problems
+    assert hil.compare_bus(keys, bench.file.parent, {"axis": True}, absent).problems == problems
     assert (bench.plans, bench.active) == (planned, [active])
     assert absent == {"axis": [0x6080], "other": [0x6085]}
     assert (bench.node.rotary, bench.other.rotary) == (True, False)
@@ -107,7 +107,7 @@ def test_every_difference_between_a_bus_and_its_file(bench, capsys, changes, pro
 
 def test_a_doubled_drive_is_not_asked_whether_it_moves(bench):
     bench.node.sdo.doubled = True
-    hil.differences(load(bench.file), bench.file.parent)
+    hil.compare_bus(load(bench.file), bench.file.parent)
     assert bench.active == [["other"]]
 
 
@@ -116,15 +116,18 @@ def test_the_command_shows_limits_and_differences(bench):
     assert done.exit_code == 0
     lines = done.output.splitlines()
     assert lines[0].startswith("node 3: a drive")
-    assert [line for line in lines if line.endswith("where the limits act")] == [
-        "axis: where the limits act",
-        "other: where the limits act",
+    assert [line for line in lines if line.endswith("effect of each limit")] == [
+        "axis: effect of each limit",
+        "other: effect of each limit",
     ]
     assert lines[-1] == "Bus and hardware file agree."
     bench.scanned.pop()
     done = CliRunner().invoke(hil.command, ["check", str(bench.file)])
     assert done.exit_code == 1
-    assert done.output.splitlines()[-1] == "differs: other: node 4 does not answer. Check its power and node-ID."
+    node, difference, heading, *_, verdict = done.output.splitlines()
+    assert difference == "differs: other: node 4 does not answer. Check its power and node-ID."
+    assert (node, heading) == (lines[0], "axis: effect of each limit")
+    assert verdict == "Bus and hardware file differ. Above the tables: differences 1, notes 0."
 
 
 def test_what_a_run_would_write_is_shown(capsys):
@@ -136,16 +139,21 @@ def test_what_a_run_would_write_is_shown(capsys):
         limits={"velocity": "2.5 m/s", "acceleration": "900 m/s^2", "force": "19 N"},
     )
     master = SimpleNamespace(keys=keys_of(node), plan=lambda station: plan_drive(station, 5 * MILLISECOND, 127))
-    problems = hil.unready(master, node)
-    assert problems == [
+    findings = hil.unready(master, node)
+    assert findings.problems == [
         (
             "axis: node 3: 605Eh.0: refused with 06020000h, no object. A run writes it. Correct the hardware file or the "
             "profile."
         ),
         "axis: is in Fault, 603Fh: 4310h temperature.",
     ]
-    text = " ".join(capsys.readouterr().out.split())
-    counts = re.match(r"axis: a run writes (\d+) objects, (\d+) of them .* at its end\. (\d+) have", text)
+    findings.print()
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    labels = [line.partition(":")[0] for line in lines if line.startswith(("differs: ", "note: ", "axis: "))]
+    assert labels == ["differs"] * 2 + ["note"] * len(findings.notes) + ["axis"] * len(findings.tables)
+    text = " ".join(" ".join(lines).split())
+    counts = re.search(r"axis: a run writes (\d+) objects, (\d+) of them .* at its end\. (\d+) have", text)
     total, passing, count = map(int, counts.groups())
     assert (
         total
@@ -162,7 +170,7 @@ def test_what_a_run_would_write_is_shown(capsys):
 def test_an_absurd_limit_is_a_problem():
     node = unconnected_node(values={(0x6041, 0): WORDS[State.DISABLED]}, limits={"velocity": "21 m/s"})
     master = SimpleNamespace(keys=keys_of(node), plan=lambda station: plan_drive(station, 5 * MILLISECOND, 127))
-    assert hil.unready(master, node) == [
+    assert hil.unready(master, node).problems == [
         f"axis: limits.velocity 21000 mm/s is above the drive's own 2000 mm/s ({index}). Correct the unit or the number."
         for index in ("6080h", "607Fh")
     ]

@@ -60,6 +60,7 @@ class Moves:
     def __init__(self, node):
         self.node, self.h, self.cycle = node, 0.005, 5_000_000
         self.network, self.next_line, self.note = SimpleNamespace(now=0), 0, ""
+        self.origin, self.mean_velocity = "from start", lambda: 0.0
         self.keys = SimpleNamespace(limits=SimpleNamespace(position=[-0.02, 0.03]))
         node.raw_position = 1000
         self.ramp, self.samples, self.positions, self.moves, self.rests = Ramp(0.001, 4.0, 4.0), [], [], [], 0
@@ -92,8 +93,8 @@ def test_a_move(run, words, goal, speed, rate):
     assert run.session.moves == [(pytest.approx(goal), pytest.approx(speed), pytest.approx(rate))]
     assert run.session.opened == ("axis", False, {"homed": "--homed" in words})
     assert text == (
-        f"axis: from 1.00 mm to {1e3 * goal:.2f} mm at {1e3 * speed:g} mm/s. axis: is at {1e3 * goal + 0.01:.2f} mm, "
-        "largest following error 0.25 mm."
+        f"axis: from 1.00 mm to {1e3 * goal:.2f} mm at {1e3 * speed:g} mm/s; positions count from start. "
+        f"axis: is at {1e3 * goal + 0.01:.2f} mm, largest following error 0.25 mm."
     )
 
 
@@ -146,7 +147,7 @@ def held(monkeypatch):
 def test_a_jog_stays_near_where_it_began(run, held, words, low, high):
     held.extend([1.0] * 4000 + [-1.0] * 8000)
     text = run("jog", "axis", *words, "--velocity", "20 mm/s")
-    assert text.startswith(f"axis: hold an arrow key; {low:.2f} mm to {high:.2f} mm. q ends it.")
+    assert text.startswith(f"axis: hold an arrow key; {low:.2f} mm to {high:.2f} mm from start. q ends it.")
     assert 1e3 * max(run.session.positions) == pytest.approx(high, abs=1e-6)
     assert 1e3 * min(run.session.positions) == pytest.approx(low, abs=1e-6)
     for name, end, limit in (("upper", high, 30.0), ("lower", low, -20.0)):
@@ -174,7 +175,7 @@ def test_a_jog_of_an_axis_that_turns(run, held, tmp_path):
     run.session.keys.limits.position = [-1.0, 2.0]
     run.node.rotary = True
     text = run("jog", "axis")  # from 1 mrad, 0.2 rad each way
-    assert text.startswith("axis: hold an arrow key; -11.40 deg to 11.52 deg. q ends it.")
+    assert text.startswith("axis: hold an arrow key; -11.40 deg to 11.52 deg from start. q ends it.")
 
 
 def test_a_jog_speeds_up_gently_and_stops_hard(run, held):
@@ -203,7 +204,10 @@ def test_a_jog_that_cannot_stop_in_time_is_refused(run, held, tmp_path):
 @pytest.mark.parametrize(("duration", "rests"), [("0", 0), ("0.02", 4), ("0.021", 5)])
 def test_a_place_is_held_for_a_time(run, duration, rests):
     run.node.word = WORDS[State.ENABLED]
-    assert run("enable", "axis", "--for", duration) == "axis: Operation enabled at 1.00 mm. q or Ctrl-C ends it."
+    assert (
+        run("enable", "axis", "--for", duration)
+        == "axis: Operation enabled at 1.00 mm from start. q or Ctrl-C ends it."
+    )
     assert run.session.rests == rests
 
 

@@ -4,13 +4,17 @@ import asyncio
 import os
 import subprocess
 import threading
+import time
 from types import SimpleNamespace
 
 import pytest
 
 from hw_bridge.command.bench.motion import READY
 from hw_bridge.command.pages import SIMULATED, TITLE, Page, armed, fill
+from hw_bridge.command.progress import Outcome
+from hw_bridge.command.running_card import TILES
 from hw_bridge.command.typed import Typed
+from twin import web
 from twin.errors import TwinError
 
 LIMITS = "{position: [-20 mm, 30 mm], velocity: 100 mm/s, acceleration: 4 m/s^2}"
@@ -18,6 +22,7 @@ HOMING = ", homing: {method: 37, at: 4 mm}"
 REAL = "interface: socketcan\nchannel: can0"
 MOTIONS = ["power on for a jog", "move", "home", "step"]
 READING = ["scan", "status", "dump", "compare", "check"]
+CHAIN = "Do step 5 (check), then 6 (direction, push) or 7 (direction, by hand)"
 BUTTONS = [*READING, "push", "by hand", *MOTIONS, "reset", "enable", "disable"]
 
 
@@ -66,12 +71,14 @@ def build():
         inputs = [element for element in elements if isinstance(element, ui.input)]
         return SimpleNamespace(
             labels=[element.text for element in elements if isinstance(element, ui.label) and element.text],
+            hidden=[element.text for element in elements if isinstance(element, ui.label) and not element.visible],
             html=[element.content for element in elements if isinstance(element, ui.html)],
             inputs=[(element.props["label"], element.value, element.props["hint"]) for element in inputs],
             boxes=[element.text for element in elements if isinstance(element, ui.checkbox)],
             enabled={element.text: element.enabled for element in buttons},
             controls=[element.props["controls"] for element in elements if "controls" in element.props],
             buttons=buttons,
+            charts=[element.parent_slot.parent.visible for element in elements if isinstance(element, web.Chart)],
             stepper=next(element for element in elements if isinstance(element, ui.stepper)),
             switches=[element for element in elements if isinstance(element, ui.switch)],
             spins=any(isinstance(element, ui.spinner) for element in elements),
@@ -93,22 +100,26 @@ def test_a_simulated_bench(typed, build):
         *MOTIONS,
     }
     assert page.labels.count("Dump first.") == 2
-    assert page.labels.count("Do step 8 (jog) first.") == 3
+    assert page.labels.count(f"{CHAIN}, then 8 (jog) first.") == 3
     (switch,) = page.switches
     switch.value = True  # it was commissioned before
     assert {button.text for button in page.buttons if not button.enabled} == {"by hand", "compare", "move"}
     for line in (f"check {runner.file}", f"direction axis -f {runner.file}", f"jog axis -f {runner.file}"):
-        runner.done.append((1.0, f"twin hil {line}", 0))
+        runner.progress.record(f"twin hil {line}", "axis", Outcome.DONE)
     page = build(runner)
     assert {name for name, enabled in page.enabled.items() if not enabled} == {"by hand", "compare", "move"}
     assert "Fill in either “by” or “to”." in page.labels
     assert page.stepper.value == "scan"
-    runner.done.extend((1.0, f"twin hil {line} -f {runner.file}", 0) for line in ("scan", "status axis", "dump axis"))
+    for line in ("scan", "status axis", "dump axis"):
+        runner.progress.record(f"twin hil {line} -f {runner.file}", "axis", Outcome.DONE)
     assert build(runner).stepper.value == "compare"
+    runner.progress.record(f"twin hil compare axis -f {runner.file}", "axis", Outcome.DONE)
+    assert build(runner).stepper.value == "move"  # one kind of direction is enough
     assert len(page.buttons) == len(READING) + len(BUTTONS)
     assert page.html[2] == '<p class="twin-state twin-good">simulated drives</p>'
     assert page.labels[-1] == "Each button runs the command that you would type; it is shown here."
-    assert page.labels[:5] == [
+    begin = page.labels.index("bench.yaml")
+    assert page.labels[begin : begin + 5] == [
         "bench.yaml",
         f"{runner.file}: simulated: each command has a bus of its own",
         SIMULATED,
@@ -156,14 +167,17 @@ def test_buttons_begin_commands(typed, build, monkeypatch):
     monkeypatch.setattr(Page, "run_as_operator", lambda _page, what: what())
     runner = typed()
     folder = runner.console.runs / "commissioning"
+    clock = time.strptime("2026-01-02 03:04:05", "%Y-%m-%d %H:%M:%S")
+    format_time = time.strftime
+    monkeypatch.setattr(time, "strftime", lambda form, *_: format_time(form, clock))
     buttons = build(runner).buttons
     for name, node, words, options, attended in (
         ("scan", "axis", ["scan"], [], False),
         ("push", "axis", ["direction", "axis"], [], True),
         ("by hand", "axis", ["direction", "axis"], ["--by-hand"], True),
         ("status", "axis", ["status", "axis"], [], False),
-        ("dump", "axis", ["dump", "axis"], [f"{folder}/axis.dcf"], False),
-        ("compare", "valves", ["compare", "valves"], [f"{folder}/valves.dcf"], False),
+        ("dump", "axis", ["dump", "axis"], [f"{folder}/axis_20260102_030405.dcf"], False),
+        ("compare", "valves", ["compare", "valves"], [f"{folder}/valves_20260101_000000.dcf"], False),
         ("step", "axis", ["step", "axis"], ["--by=0.5 mm", f"--plot={folder}/axis_step.svg"], True),
         (
             "power on for a jog",
@@ -174,11 +188,75 @@ def test_buttons_begin_commands(typed, build, monkeypatch):
         ),
     ):
         own = [button for button in buttons if button.text == name]
+        if name == "compare":  # of the latest dump of this node
+            for at in ("20250101_000000", "20260101_000000"):
+                (folder / f"valves_{at}.dcf").touch()
+            (folder / "valves_2_20260303_000000.dcf").touch()
         (listener,) = own[-1 if node == "valves" else 0]._event_listeners.values()
         listener.handler(None)
         expected = [*words, "-f", str(runner.file), *options, "--build", "build"]
         assert runner.started.pop() == (expected, attended)
         assert folder.is_dir() is (name not in ("scan", "push", "by hand", "status"))
+
+
+def test_the_numbers_of_the_steps_say_what_has_become_of_them(typed, build):
+    runner = typed()
+    check, scan = f"twin hil check {runner.file}", f"twin hil scan -f {runner.file}"
+    runner.progress.record(scan, "", Outcome.DONE)
+    runner.progress.record(check, "", Outcome.FAILED)
+    runner.line, runner.running = f"twin hil status axis -f {runner.file}", True
+    looks = {step.props["name"]: step.props for step in build(runner).stepper.default_slot.children}
+    assert looks["scan"]["caption"].startswith("done 20")
+    assert (looks["scan"]["done-icon"], looks["scan"].get("prefix")) == ("check", None)
+    assert (looks["check"]["caption"], looks["check"]["error"]) == ("failed", True)
+    assert (looks["status"]["caption"], looks["status"]["prefix"]) == ("running", "2")
+    assert looks["direction, by hand"]["caption"].startswith("A simulated drive cannot be pushed by hand")
+    runner.running = False
+    runner.progress.record(check, "", Outcome.DONE)
+    looks = {step.props["name"]: step.props for step in build(runner).stepper.default_slot.children}
+    assert "error" not in looks["check"]
+
+
+def test_a_changed_hardware_file_is_read_again(typed, build):
+    """Its limits are shown, check and what follows has to be done again; what cannot be read keeps all buttons disabled."""
+    runner = typed()
+    for line in (f"check {runner.file}", f"direction axis -f {runner.file}", f"status axis -f {runner.file}"):
+        runner.progress.record(f"twin hil {line}", "axis", Outcome.DONE)
+    assert build(runner).enabled["power on for a jog"]
+    assert not runner.reload()
+    text = runner.file.read_text()
+    runner.file.write_text(text.replace("velocity: 100 mm/s", "velocity: 50 mm/s"))
+    with pytest.raises(
+        TwinError, match=r"bench.yaml has changed and was read again\. Look at its limits, then check it"
+    ):
+        runner.begin("jog", "axis")
+    assert runner.started == []
+    page = build(runner)
+    assert "node 3, -20 mm to 30 mm, 50 mm/s, 4 m/s^2; limits are those of the hardware file" in page.labels
+    assert ("speed", "1 mm/s", "up to 40 mm/s") in page.inputs
+    (notice,) = [label for label in page.labels if label.startswith("bench.yaml has changed and was read again at ")]
+    assert notice not in page.hidden
+    assert not page.enabled["power on for a jog"]
+    assert f"{CHAIN} first." in page.labels
+    assert page.stepper.value == "scan"
+    looks = {step.props["name"]: step.props for step in page.stepper.default_slot.children}
+    assert looks["status"]["caption"].startswith("done 20")  # of the node itself
+    runner.begin("jog", "axis")  # what the page shows now
+    runner.running = True
+    runner.file.write_text("nodes: 1\n")
+    assert not runner.reload()  # while a command runs
+    runner.running = False
+    assert runner.reload()
+    page = build(runner)
+    assert any("and cannot be used: " in label for label in page.labels)
+    assert not any(page.enabled.values())
+    with pytest.raises(TwinError, match=r"bench\.yaml"):
+        runner.begin("scan")
+    runner.file.write_text(text)
+    assert runner.reload()
+    page = build(runner)
+    assert page.enabled["power on for a jog"]  # checked before, with this content
+    assert any("has changed" in label for label in page.hidden)
 
 
 def test_only_the_operator_acts_and_errors_are_shown(typed, monkeypatch):
@@ -204,10 +282,12 @@ def test_only_the_operator_acts_and_errors_are_shown(typed, monkeypatch):
 def test_the_card_of_a_running_command(typed, build):
     runner = typed()
     runner.begin("jog", "axis", (), (10.0, "mm/s"))
-    runner.running = True
+    runner.running, runner._page = True, object()
     page = build(runner)
     assert page.labels[-1] == runner.line == f"twin hil jog axis -f {runner.file}"
     assert page.labels[0] == "powering on ... Keys have no effect yet."
+    assert [text for text in page.labels if text in ("state", "position", "velocity", "current")] == list(TILES)
+    assert (page.charts, page.labels.count("from start")) == ([True], 0)
     assert {name for name, enabled in page.enabled.items() if enabled} == {"End"}
     assert (page.enabled["End"], page.spins, page.controls) == (True, False, [])
     runner.text = f"axis: {READY}"
@@ -221,7 +301,10 @@ def test_the_card_of_a_running_command(typed, build):
     assert ("End" in page.enabled, page.spins, page.controls) == (False, True, [])
     runner.running = False
     page = build(runner)
-    assert (page.labels[-1], page.spins) == (runner.line, False)
+    assert (page.labels[-1], page.spins, page.charts) == (runner.line, False, [False])
+    runner.motion.process_output("  position 1.00 mm from start, velocity 0.00 mm/s, current 0.00 A, Switched on   \r")
+    page = build(runner)
+    assert (page.charts, page.labels.count("from start")) == ([True], 1)
 
 
 @pytest.mark.parametrize(("word", "attended"), [("scan", False), ("jog", True)])

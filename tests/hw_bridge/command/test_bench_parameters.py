@@ -142,7 +142,13 @@ def test_a_dump_is_compared_and_restored(run, tmp_path):
 def test_a_dump_of_another_drive_is_refused(run, tmp_path):
     file = tmp_path / "a.dcf"
     run("dump", "axis", str(file))
+    before = file.read_bytes()
     run.values[0x1018, 2] = 5
+    assert run("dump", "axis", str(file), code=1).startswith("a.dcf: exists, and may be the only copy")
+    assert file.read_bytes() == before
+    assert "values of axis" in run("dump", "axis", str(file), "--force")
+    assert file.read_bytes() != before
+    file.write_bytes(before)
     other = "axis: product code is 5h, the file is of "
     assert run("compare", "axis", str(file), code=1).startswith(f"differs: {other}")
     for word in ("restore", "store"):
@@ -261,10 +267,19 @@ def test_nodes_of_a_scan(run, monkeypatch):
         ScannedNode(5, "another", (1, 2, 3, 4), "", "8611h following error."),
     ]
     monkeypatch.setattr("hw_bridge.commission.scan", lambda session: nodes)
-    assert run("scan") == (
+    assert run("scan", code=1) == (
         "node 3 (axis): a drive vendor 147h, product 2h, revision ABh, serial 4h Switch on disabled "
         "node 4: not understood answers no SDO "
-        "node 5: another vendor 1h, product 2h, revision 3h, serial 4h 8611h following error."
+        "node 5: another vendor 1h, product 2h, revision 3h, serial 4h 8611h following error. "
+        "differs: node 4 is not in the hardware file. Add it, or take it off the bus. "
+        "differs: node 5 is not in the hardware file. Add it, or take it off the bus."
+    )
+    nodes[1:] = [ScannedNode(127, problem="the master of a run")]
+    assert "differs" not in run("scan")
+    nodes[0] = ScannedNode(1, "a drive")
+    assert run("scan", code=1).endswith(
+        "differs: axis: node 3 does not answer. Check its power and node-ID. "
+        "differs: node 1 is not in the hardware file. Add it, or take it off the bus."
     )
     nodes.clear()
     assert run("scan", code=1).startswith("No node answers. Is the power on?")

@@ -176,18 +176,34 @@ def test_the_line_of_a_jog(capsys, speed, mark):
     node = SimpleNamespace(
         position=0.001, velocity=-0.002, current=0.256, format_length=lambda value: f"{1e3 * value:.2f} mm"
     )
-    node.format_speed = lambda value: f"{1e3 * value:.0f} mm/s"
     network = SimpleNamespace(now=5)
-    held = SimpleNamespace(node=node, ramp=SimpleNamespace(velocity=speed), network=network, next_line=0, note="")
+    held = SimpleNamespace(
+        node=node,
+        ramp=SimpleNamespace(velocity=speed),
+        network=network,
+        next_line=0,
+        note="",
+        origin="from start",
+        mean_velocity=lambda: -0.00149,
+    )
     single_axis.show_live(held)
-    values = f"\r{mark}        1.00 mm        -2 mm/s     0.26 A"
+    values = f"\r{mark}        1.00 mm     -1.49 mm/s     0.26 A"
     assert capsys.readouterr().out == f"{values}   {'':<27}"
     single_axis.show_live(held)  # not yet again
     network.now, held.note, node.state = 5 + single_axis.LINE_PERIOD, "upper end (--distance)", "Quick stop active"
     single_axis.show_live(held, is_page=True)
-    assert capsys.readouterr().out == (
-        f"\r{mark} position    1.00 mm, velocity   -2 mm/s, current  0.26 A, Quick stop active   upper end (--distance)     \r"
-    )
+    line = capsys.readouterr().out
+    values = "position    1.00 mm from start, velocity -1.49 mm/s, current  0.26 A, Quick stop active"
+    assert line == f"\r{mark} {values}   upper end (--distance)     \r"
+    assert single_axis.LIVE_VALUES.match(line[1:]).groupdict() == {
+        "mark": mark,
+        "position": "1.00",
+        "unit": "mm",
+        "origin": "from start",
+        "velocity": "-1.49 mm/s",
+        "current": "0.26",
+        "state": "Quick stop active",
+    }
 
 
 @pytest.fixture
@@ -233,6 +249,7 @@ def stepped(tmp_path, monkeypatch):
     return state
 
 
+MOST = "mm: must be above 0 and at most 1 mm, half of nodes.axis.limits.following_error of the hardware file."
 ROWS = "axis  10 ms  12 %       -        -0.002 mm\ntwin  20 ms  12 %       -        0.01 mm\n"
 
 
@@ -248,9 +265,9 @@ def test_a_step_is_shown_beside_that_of_the_twin(stepped):
 @pytest.mark.parametrize(
     ("by", "text"),
     [
-        ("0 mm", "--by 0 mm is not above 0 and at most 1 mm: half of limits.following_error."),
-        ("1.01 mm", "--by 1.01 mm is not above 0 and at most 1 mm: half of limits.following_error."),
-        ("-1.01 mm", "--by -1.01 mm is not above 0 and at most 1 mm: half of limits.following_error."),
+        ("0 mm", f"--by 0 {MOST}"),
+        ("1.01 mm", f"--by 1.01 {MOST}"),
+        ("-1.01 mm", f"--by 1.01 {MOST}"),
         ("1 mm", "--by 1 mm: the simulated drive meets a limit: axis: force. Take less."),
         ("-0.9 mm", ""),
     ],

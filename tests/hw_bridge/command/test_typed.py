@@ -13,7 +13,8 @@ from hw_bridge.bus import NEVER
 from hw_bridge.command import control as control_channel
 from hw_bridge.command import drive
 from hw_bridge.command.commissioning_steps import STEPS, options
-from hw_bridge.command.pages import Page, listed, picture
+from hw_bridge.command.pages import Page
+from hw_bridge.command.running_card import listed, picture
 from hw_bridge.command.typed import READY, SHOWN, Typed, settled
 from hw_bridge.commission import Axis
 from hw_bridge.fault import Cause, Fault

@@ -19,9 +19,21 @@ from twin.errors import SimulationError
     [
         (None, None, (2e-3, 0.4)),
         ("80 mm/s", "4 m/s^2", (0.08, 4.0)),
-        ("81 mm/s", None, "--velocity 81 mm/s is not above 0 and at most 80 mm/s, by the hardware file."),
-        ("0 mm/s", None, "--velocity 0 mm/s is not above 0 and at most 80 mm/s, by the hardware file."),
-        (None, "4.1 m/s^2", "--acceleration 4.1 m/s^2 is not above 0 and at most 4 m/s^2, by the hardware file."),
+        (
+            "81 mm/s",
+            None,
+            "--velocity 81 mm/s: must be above 0 and at most 80 mm/s, 80 % of nodes.axis.limits.velocity of the hardware file.",
+        ),
+        (
+            "0 mm/s",
+            None,
+            "--velocity 0 mm/s: must be above 0 and at most 80 mm/s, 80 % of nodes.axis.limits.velocity of the hardware file.",
+        ),
+        (
+            None,
+            "4.1 m/s^2",
+            "--acceleration 4.1 m/s^2: must be above 0 and at most 4 m/s^2, nodes.axis.limits.acceleration of the hardware file.",
+        ),
     ],
 )
 def test_speeds_of_a_motion_keep_to_the_limits(velocity, acceleration, expected):

@@ -174,7 +174,7 @@ def test_nothing_moves_unless_it_is_armed(run, tmp_path):
         ([], "Say how far"),
         (["--to", "1 mm"], "needs a reference"),
         (["--by", "50 mm"], "is outside of limits.position, -45.00 mm to 45.00 mm"),
-        (["--by", "1 mm", "--velocity", "300 mm/s"], "not above 0 and at most 160 mm/s"),
+        (["--by", "1 mm", "--velocity", "300 mm/s"], "must be above 0 and at most 160 mm/s"),
         (["--by", "1 mm", "--acceleration", "4 m/s^2"], "at most 3 m/s^2"),
         (["--to", "1 mm", "--homed"], "has no `homing`"),
     ],
@@ -290,7 +290,7 @@ def test_absurd_limits_are_refused_with_both_numbers(tmp_path, limits, problem):
 
 
 def test_speeds_of_a_person():
-    assert check_bounded(1.0, 2.0, "--velocity", str) == 1.0
+    assert check_bounded(1.0, 2.0, "--velocity", "limits.velocity", str) == 1.0
     for value in (0.0, -1.0, 2.1, math.nan):
-        with pytest.raises(SimulationError, match="not above 0 and at most 2"):
-            check_bounded(value, 2.0, "--velocity", str)
+        with pytest.raises(SimulationError, match="must be above 0 and at most 2"):
+            check_bounded(value, 2.0, "--velocity", "limits.velocity", str)

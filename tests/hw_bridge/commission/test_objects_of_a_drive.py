@@ -373,15 +373,3 @@ def test_a_restart_waits_for_the_boot_up(booted):
         with pytest.raises(SimulationError, match=r"^axis: does not tell that it started within"):
             nvm.restart(session, node)
     assert commands == [(0x81, 3)]
-
-
-def test_a_speed_has_the_decimals_that_the_drive_resolves():
-    """1 mm/s in a unit of 606Ch, or ten and a thousand times finer, of which two decimals are shown."""
-    node = unconnected_node()
-    texts = []
-    for unit in (1e-3, 1e-4, 1e-6):
-        node.units = node.units._replace(velocity=unit)
-        texts.append(node.format_speed(0.0061234))
-    assert texts == ["6 mm/s", "6.1 mm/s", "6.12 mm/s"]
-    node.rotary = True
-    assert node.format_speed(0.1) == "5.73 deg/s"

@@ -82,6 +82,29 @@ def test_a_cycle_checks_looks_exchanges_and_waits(session):
     assert len(session.samples) == 2
 
 
+def test_a_slow_velocity_is_that_of_the_positions(session):
+    """606Ch counts in mm/s: it is shown at first, and where the origin has moved meanwhile."""
+    node = session.node
+    node.raw_velocity = 6
+    assert session.mean_velocity() == pytest.approx(0.006)
+    session.network.now, node.raw_position = 100 * MS, node.raw_position + 149
+    assert session.mean_velocity() == pytest.approx(0.00149)
+    assert session.mean_velocity() == pytest.approx(0.006)  # no time has passed
+    session.network.now, node.origin = 200 * MS, 0.02
+    assert session.mean_velocity() == pytest.approx(0.006)
+
+
+@every_case(
+    ("homed", "homes", "origin"), [(False, False, "start"), (True, False, "reference"), (False, True, "reference")]
+)
+def test_positions_count_from_the_start_or_from_the_reference(session, homed, homes, origin):
+    keys = session.keys
+    if not homes:
+        session.node.keys = keys.model_copy(update={"homing": None})
+    with session.enabled(homed=keys if homed else None):
+        assert session.origin == f"from {origin}"
+
+
 def test_a_late_cycle_is_not_caught_up_with(session):
     session.master.late = [0, 12 * MS, 0]
     for _ in range(3):
@@ -210,8 +233,10 @@ def test_a_hardware_file_is_restricted_to_one_drive():
 @every_case(("value", "fits"), [(1e-9, True), (2.0, True), (2.001, False), (0.0, False), (-1.0, False)])
 def test_a_speed_is_above_zero_and_at_most_its_limit(value, fits):
     if fits:
-        assert check_bounded(value, 2.0, "--velocity", str) == value
+        assert check_bounded(value, 2.0, "--velocity", "limits.velocity", str) == value
         return
     with pytest.raises(SimulationError) as caught:
-        check_bounded(value, 2.0, "--velocity", str)
-    assert str(caught.value) == f"--velocity {value} is not above 0 and at most 2.0, by the hardware file."
+        check_bounded(value, 2.0, "--velocity", "limits.velocity", str)
+    assert str(caught.value) == (
+        f"--velocity {value}: must be above 0 and at most 2.0, limits.velocity of the hardware file."
+    )

@@ -1,0 +1,75 @@
+"""Live values of a motion command, read from what it prints: for the tiles and the chart of a page."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections import deque
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hw_bridge.command.bench.single_axis import LIVE_VALUES
+from twin import web
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from numpy.typing import NDArray
+
+CAPACITY = 18_000  # samples: half an hour at ten a second
+CURVES = ("position", "current")
+
+
+class LiveMotion:
+    """The latest values of a motion as texts, and position and current over time since its begin (a `web.frames.CurveSource`).
+
+    `has_moved`: the command has sent other targets than its first. Written by one thread, read by others.
+    """
+
+    def __init__(self) -> None:
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget the motion before."""
+        self.state = self.position = self.velocity = self.current = self.direction = ""
+        self.origin, self.unit = "", "mm"
+        self.has_moved = False
+        self._rest = ""  # of a line that has not ended
+        self._begin_time = time.monotonic()
+        self._samples: deque[tuple[float, float, float]] = deque(maxlen=CAPACITY)
+
+    @property
+    def has_samples(self) -> bool:
+        """Whether the command has printed values."""
+        return bool(self._samples)
+
+    def process_output(self, text: str) -> None:
+        """Take the values from a part of the command's output."""
+        *lines, self._rest = re.split(r"[\r\n]", self._rest + text)
+        for values in filter(None, map(LIVE_VALUES.match, lines)):
+            self.unit, self.origin, self.state = values["unit"], values["origin"], values["state"]
+            self.position, self.velocity = f"{values['position']} {self.unit}", values["velocity"]
+            self.current = f"{values['current']} A"
+            self.direction = {">": "positive", "<": "negative"}.get(values["mark"], "")
+            self.has_moved |= bool(self.direction)
+            now = time.monotonic() - self._begin_time
+            self._samples.append((now, float(values["position"]), float(values["current"])))
+
+    def names(self) -> Collection[str]:
+        """Names of the curves."""
+        return CURVES
+
+    def span(self) -> tuple[float, float]:
+        """First and last time [s]."""
+        samples = list(self._samples)
+        return (samples[0][0], samples[-1][0]) if samples else (0.0, 0.0)
+
+    def read(
+        self, name: str, start: float, stop: float, points: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Times [s] and values of a window, with the sample before it."""
+        samples = np.array(list(self._samples)).reshape(-1, 3)
+        first, last = np.searchsorted(samples[:, 0], [start, stop], side="right")
+        window = samples[max(int(first) - 1, 0) : int(last)]
+        return web.frames.decimate(window[:, 0], window[:, 1 + CURVES.index(name)], points)

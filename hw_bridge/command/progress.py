@@ -1,0 +1,84 @@
+"""Progress of a commissioning: which steps have succeeded with which hardware file, kept in a file over restarts."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from contextlib import suppress
+from enum import Enum
+from typing import TYPE_CHECKING
+
+from hw_bridge.command.commissioning_steps import STEPS, is_step
+from hw_bridge.commission import PAGE_SILENT
+from twin.files import write_atomically
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from hw_bridge.command.commissioning_steps import Step
+
+STOPPED = 130  # exit code after Ctrl-C, which STOP and Esc send
+WARNING = re.compile(r"^warning: ", re.MULTILINE)
+LOST_PAGE = re.compile(rf"{re.escape(PAGE_SILENT)} for \d+ ms: stopped\.\s*$")  # last, without a fault behind it
+
+
+class Outcome(Enum):
+    """What a command that has ended means for its step."""
+
+    DONE = "done"
+    FAILED = "failed"
+    NEUTRAL = "neutral"  # neither: it was stopped, or its page was lost
+
+
+def outcome(word: str, code: int, text: str, has_moved: bool) -> Outcome:
+    """Outcome of a command. A jog that has moved is done also if it ended because its page was silent, without a warning."""
+    if code == 0:
+        return Outcome.DONE
+    if code == STOPPED:
+        return Outcome.NEUTRAL
+    if WARNING.search(text) or not LOST_PAGE.search(" ".join(text.split())):
+        return Outcome.FAILED
+    return Outcome.DONE if word == "jog" and has_moved else Outcome.NEUTRAL
+
+
+class Progress:
+    """Steps that have succeeded, by scope (what they depend on), drive and title, with their time; and those that failed.
+
+    A file that cannot be read counts as empty: then the steps have to be done again.
+    """
+
+    def __init__(self, path: Path, scope: Callable[[Step, str], str]) -> None:
+        self.path, self.scope = path, scope
+        self.done: dict[tuple[str, str, str], float] = {}
+        self.failed: set[tuple[str, str, str]] = set()
+        with suppress(OSError, ValueError, TypeError):
+            self.done = {(str(s), str(n), str(t)): float(at) for s, n, t, at in json.loads(path.read_text("utf-8"))}
+
+    def record(self, line: str, node: str, result: Outcome) -> None:
+        """Record how a command line has ended; one that failed takes back an earlier success. Saves the file."""
+        for step in STEPS:
+            if result is Outcome.NEUTRAL or not is_step(step, node, line):
+                continue
+            key = self._key(step, node)
+            self.done.pop(key, None)
+            self.failed.discard(key)
+            if result is Outcome.DONE:
+                self.done[key] = time.time()
+            else:
+                self.failed.add(key)
+        with suppress(OSError):  # a full disk: the steps are known until the server ends
+            write_atomically(self.path, json.dumps([[*key, at] for key, at in self.done.items()], indent=0))
+
+    def time_of(self, step: Step, node: str) -> float | None:
+        """When a step has succeeded [s since the epoch], or None."""
+        return self.done.get(self._key(step, node))
+
+    def has_failed(self, step: Step, node: str) -> bool:
+        """Whether the latest attempt of a step since the server's start has failed."""
+        return self._key(step, node) in self.failed
+
+    def _key(self, step: Step, node: str) -> tuple[str, str, str]:
+        name = "" if step.is_bus_wide else node
+        return self.scope(step, name), name, step.title

@@ -1,0 +1,245 @@
+"""Cards of the commissioning page: the live state between commands, and the running command with its values and output."""
+
+from __future__ import annotations
+
+import base64
+import re
+import time
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from hw_bridge.command.bench.single_axis import STOPPED_IN_STATE
+from hw_bridge.command.bench.step import SHOWN
+from hw_bridge.command.progress import STOPPED
+from hw_bridge.commission import HOLD
+from twin import web
+
+if TYPE_CHECKING:
+    from nicegui.element import Element
+
+    from hw_bridge.command.live_motion import LiveMotion
+    from hw_bridge.command.pages import Page
+    from hw_bridge.command.typed import Typed
+
+ENDED = ("jog", "enable")  # by the person, in an orderly way
+REFRESH_PERIOD = 0.1  # of the running command [s]
+CURVES_PATH = "/commissioning/curves"
+SPAN = 10.0  # of the chart while a drive moves [s]
+CURVES_PERIOD = (
+    0.3  # of its requests [s]: a chart that follows by itself sends ten times as many, and the page must answer
+)
+TILES = ("state", "position", "velocity", "current")
+LIVE = {"6041h": "state", "6064h": "position", "606Ch": "velocity", "6078h": "current", "603Fh": "error"}
+RAW = re.compile(r" \([^()]*\)$")  # value in the drive's own unit, behind a quantity
+ERROR = re.compile(r"(?:^|(?<=  ))error: ", re.MULTILINE)  # before the error that a command prints at its end
+JOG_END = re.compile(r"(upper|lower) end \((.*)\)\s*$")  # at the end of the live values of a jog
+EXPIRED = (
+    f"Stopped by the dead-man switch: this page answered later than {HOLD // 10**6} ms. "
+    "Release the button, then hold it again."
+)
+
+
+def live_state(page: Page) -> None:
+    """State, position, velocity, current and error of all nodes between commands, with a button that switches it."""
+    from nicegui import ui
+
+    typed = page.typed
+    button = ui.button(on_click=lambda: page.run_as_operator(lambda: typed.switch_watch(not typed.watch.is_on)))
+    button.props("dense no-caps outline no-wrap")
+    values = ui.html("", sanitize=False)
+
+    def look() -> None:
+        button.text = "stop reading" if typed.watch.is_on else "read live state"
+        values.content = state_text(typed)
+
+    look()
+    ui.timer(0.25, look)
+
+
+def state_text(typed: Typed) -> str:
+    """The latest reading as HTML, a line for each node; why there is none."""
+    watch = typed.watch
+    if watch.problem:
+        return f'<p class="twin-bad">Live state: {escape(watch.problem)}</p>'
+    if not watch.is_on:
+        return (
+            '<p class="twin-soft">Live state is off. It only reads, between commands. '
+            "Leave it off while another program has the drives.</p>"
+        )
+    if not watch.rows:
+        reason = "It continues after the command." if typed.running else "Waiting for the first reading."
+        return f'<p class="twin-soft">{reason}</p>'
+    lines = []
+    for name, rows in watch.rows.items():
+        shown = [
+            (LIVE.get(title[:5], title), title, value) for title, value in rows if title[:5] in LIVE or len(rows) == 1
+        ]
+        text = "".join(
+            f'<span title="{escape(title)}">{escape(label)} <b>{escape(RAW.sub("", value))}</b></span>'
+            for label, title, value in shown
+        )
+        lines.append(f"<p><b>{escape(name)}</b>{text}</p>")
+    return "".join(lines)
+
+
+def now(page: Page) -> None:
+    """Card of the running command: command line, button, output, history."""
+    from nicegui import ui
+
+    typed, last_shown = page.typed, dict[str, Any]()
+
+    @ui.refreshable
+    def running_command() -> None:
+        show_running(page)
+
+    running_command()
+    end = ui.label("").props("role=status")
+    tiles = motion_tiles(typed.motion)
+    with ui.element("div").classes("full-width") as frame:  # the chart's own classes must stay as its script set them
+        chart = web.Chart(CURVES_PATH, motion_panes("mm")).style("height: 220px")
+    text = ui.label("").classes("twin-told twin-bench-said")
+    plot = ui.html("", sanitize=False)
+    before = ui.html("", sanitize=False)
+
+    def look() -> None:
+        if last_shown.get("changed") == typed.changed:
+            return
+        last_shown["changed"] = typed.changed
+        text.text = typed.text if typed.running else parts(typed)[0]
+        kind, end.text = jog_state(typed)
+        end.classes(replace=f"twin-state twin-{kind}")
+        end.visible = bool(end.text)
+        if typed.attended and time.monotonic() - last_shown.get("curves", 0.0) > CURVES_PERIOD:
+            last_shown["curves"] = time.monotonic()
+            latest = max(typed.motion.span()[1], SPAN)
+            chart.show(latest - SPAN, latest)
+        stage = (typed.running, typed.line, typed.controls)
+        if last_shown.get("stage") == stage:
+            return
+        last_shown["stage"] = stage
+        running_command.refresh()
+        tiles.visible = typed.attended
+        frame.visible = typed.attended or (not typed.running and typed.motion.has_samples)
+        if typed.attended and typed.node in typed.axes:
+            chart.panes = motion_panes(SHOWN[typed.axes[typed.node].unit][0])
+            chart.show_panes()
+        elif frame.visible:
+            chart.show(None, None)
+        plot.content = picture(page)
+        before.content = listed(typed)
+        page.update()
+
+    look()
+    ui.timer(REFRESH_PERIOD, look)
+
+
+def jog_state(typed: Typed) -> tuple[str, str]:
+    """Kind and sentence of what a running jog does: ready, stopped by its dead-man switch, at an end; empty without one."""
+    if not typed.running or typed.word != "jog":
+        return "neutral", ""
+    if not typed.controls:
+        return "neutral", "powering on ... Keys have no effect yet."
+    if typed.has_expired:
+        return "warn", EXPIRED
+    if reached := JOG_END.search(typed.text):
+        return "warn", f"At the {reached[1]} end of this jog, by {reached[2]}: only the other direction moves."
+    if typed.motion.direction:
+        return "warn", f"moves to {typed.motion.direction} positions while the button is held"
+    return "good", "ready: hold an arrow key or a button"
+
+
+def show_running(page: Page) -> None:
+    """The running command, with the button of a jog and an orderly end."""
+    from nicegui import ui
+
+    from twin.console import Desk, control
+
+    typed = page.typed
+    if not typed.line:
+        ui.label("Each button runs the command that you would type; it is shown here.").classes("twin-soft")
+        return
+    with ui.row().classes("items-center full-width no-wrap"):
+        ui.label(typed.line).classes("twin-told col")
+        if typed.running and typed.word in ENDED:
+            ui.button("End", on_click=lambda: page.run_as_operator(typed.end)).props("dense no-caps outline")
+        elif typed.running:
+            ui.spinner(size="20px")
+    if not typed.running and typed.done:
+        kind, text = result(typed)
+        ui.label(text).classes(f"twin-state twin-{kind}")
+        ui.button("download record", on_click=lambda: ui.download.content(typed.record(), "commissioning.txt")).props(
+            "dense no-caps flat"
+        )
+    for name in typed.controls:
+        speed, unit = typed.speed
+        Desk([control(name, name, "Held: it moves.", ("ArrowRight", "ArrowLeft"), unit, speed)])
+
+
+def motion_tiles(motion: LiveMotion) -> Element:
+    """State, position, velocity and current of the drive that moves."""
+    from nicegui import ui
+
+    with ui.row().classes("full-width gap-4") as tiles:
+        for title in TILES:
+            with ui.column().classes("gap-0"):
+                with ui.row().classes("gap-1"):
+                    ui.label(title).classes("twin-soft")
+                    if title == "position":
+                        ui.label().classes("twin-soft").bind_text_from(motion, "origin")
+                ui.label().classes("twin-h twin-figures").bind_text_from(motion, title, lambda text: text or "-")
+    return tiles
+
+
+def motion_panes(unit: str) -> list[web.Pane]:
+    """Panes of the chart: position in this unit, and current."""
+    return [
+        web.Pane("position", unit, [web.ChartCurve("position", "position")]),
+        web.Pane("current", "A", [web.ChartCurve("current", "current", color=1)]),
+    ]
+
+
+def result(typed: Typed) -> tuple[str, str]:
+    """Kind and sentence of how the latest command ended: its error, if it printed one."""
+    what, code = f"{typed.word} {typed.node}".strip(), typed.done[0][2]
+    if code == 0:
+        count = len(labeled(typed.text, "note"))
+        return ("warn", f"✓ {what}: done, {count} note{'s' * (count > 1)}") if count else ("good", f"✓ {what}: done")
+    if code == STOPPED:
+        state = re.search(STOPPED_IN_STATE, typed.text)
+        drive_state = (
+            f"State of the drive: {state[1]}." if state else "It did not report the state of the drive: run status."
+        )
+        return "neutral", f"{what}: stopped by STOP or Esc. {drive_state}"
+    error = parts(typed)[1] or " ".join(labeled(typed.text, "differs"))
+    return "bad", f"✗ {what}: {' '.join(error.split()) if error else f'ended with exit code {code}'}"
+
+
+def labeled(text: str, label: str) -> list[str]:
+    """Texts of the paragraphs with a label, such as "note": their further lines are indented."""
+    return re.findall(rf"^{label}: (.*(?:\n  .*)*)", text, re.MULTILINE)
+
+
+def parts(typed: Typed) -> tuple[str, str]:
+    """Output of the latest command, and the error that it ended with."""
+    output, *errors = ERROR.split(typed.text) if typed.done and typed.done[0][2] else [typed.text]
+    return output, errors[-1] if errors else ""
+
+
+def picture(page: Page) -> str:
+    """The latest step response as an image."""
+    typed = page.typed
+    path = page.plot(typed.node)
+    if typed.running or typed.word != "step" or not typed.done or typed.done[0][2] or not path.is_file():
+        return ""
+    data = base64.b64encode(path.read_bytes()).decode()
+    return f'<img class="full-width" alt="response to the step" src="data:image/svg+xml;base64,{data}">'
+
+
+def listed(typed: Typed) -> str:
+    """History of commands, the latest first."""
+    rows = []
+    for begin_time, line, code in list(typed.done):
+        clock = time.strftime("%H:%M:%S", time.localtime(begin_time))
+        failed = " <b>stopped</b>" if code == STOPPED else f' <b class="twin-bad">exit code {code}</b>' if code else ""
+        rows.append(f'<li><span class="twin-soft">{clock}</span> {escape(line)}{failed}</li>')
+    return f'<ul class="twin-typed">{"".join(rows)}</ul>'
