@@ -1,5 +1,7 @@
 """Zooming, its undo, cursors, and what the panes show of the space they have."""
 
+from itertools import pairwise
+
 import pytest
 
 from tests.viewer.pages import Page, table, viewed
@@ -229,7 +231,11 @@ def test_a_page_says_that_it_loads(browser, address):
     context = browser.new_context(viewport={"width": 900, "height": 700})
     page = context.new_page()
     waiting = []
-    page.route("**/lines*", lambda route: waiting.append(route))  # a builtin cannot be a handler
+
+    def hold(route):
+        waiting.append(route)
+
+    page.route("**/lines*", hold)
     page.goto(address)
     page.get_by_text("Loading ...").wait_for()
     page.wait_for_timeout(500)
@@ -237,7 +243,7 @@ def test_a_page_says_that_it_loads(browser, address):
     page.unroute("**/lines*")  # those that wait go on
     page.get_by_text("Loading ...").wait_for(state="detached")
     boxes = [page.locator(name).bounding_box() for name in ("#cases", "#plots", "#expectations")]
-    for above, below in zip(boxes, boxes[1:], strict=False):
+    for above, below in pairwise(boxes):
         assert above["y"] + above["height"] <= below["y"]
     assert boxes[1]["height"] >= 30  # in one column, nothing is squeezed
     context.close()
