@@ -2,10 +2,12 @@
 
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from tests.viewer.pages import Page, table, viewed
 from tests.viewer.recorded import BEATS, FORCE, PLACE, beats, folder_of, runs, wave
+from twin.results import RecordedVariable
 from twin.viewer import embedded_page
 
 pytest.importorskip("nicegui")
@@ -247,3 +249,29 @@ def test_a_page_says_that_it_loads(browser, address):
         assert above["y"] + above["height"] <= below["y"]
     assert boxes[1]["height"] >= 30  # in one column, nothing is squeezed
     context.close()
+
+
+def test_the_magnified_scale_stays_and_no_letter_leaves_the_picture(browser, tmp_path):
+    time, names = np.arange(101) / 100.0, ("axis.position", "sensor.measured_force")
+    columns = [RecordedVariable(name, unit="N" if "force" in name else "m") for name in names]
+    folder = folder_of(tmp_path / "run", {("base", 0): (time, dict.fromkeys(names, 0.012 * (time - 0.5)))}, columns)
+    members = "{axis: {component: servomotor}, sensor: {component: force_sensor}}"
+    (folder / "scenario.yaml").write_text(f"stop_time: 1 s\nstep: 10 ms\nmembers: {members}\n")
+    with viewed(folder) as address:
+        context = browser.new_context(viewport={"width": 360, "height": 740})
+        page = Page(context, address)
+        page.page.locator("#picture .hand").wait_for(state="attached")
+        places = [
+            page.page.evaluate(
+                f"""() => {{ document.getElementById("chart").chart.notify("time", {{ at: {at} }});
+                return document.querySelector("#picture .hand").parentNode.getAttribute("transform"); }}"""
+            )
+            for at in (0.1, 0.9, 0.2, 0.8)
+        ]
+        assert len(set(places)) == 1  # -4.8 mm to 4.8 mm
+        right = page.page.evaluate(
+            """() => Math.max(...[...document.querySelectorAll("#picture text")].map((one) => one.getBBox()).map(({ x, width }) => x + width))"""
+        )
+        assert right <= 1000
+        assert page.wrong == []
+        context.close()
