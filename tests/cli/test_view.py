@@ -154,8 +154,9 @@ def test_a_case_of_a_study_that_was_kept(view, folder):
         (("two_bens",), "There is no environment or run 'two_bens'. Did you mean 'two_bends'?"),
         (
             ("swing",),
-            "There is no environment or run 'swing'. Known: aortic_arch, free_gap, heart_wall, left_ventricle, runs/swing/latest",
+            "There is no environment or run 'swing'. Known: aortic_arch, free_gap, heart_wall, latest, left_ventricle, runs/swing/latest",
         ),
+        (("lates",), "There is no environment or run 'lates'. Did you mean 'latest'?"),
         (("two_bends", "-o", "a.pdf"), "a.pdf: cannot be written. Use .svg, .png, .html."),
         (("two_bends", "-o", "nowhere/a.svg"), "nowhere/a.svg: there is no folder nowhere. Create it first."),
         (("two_bends", "--seed", "1"), "--signal, --title, --variant and --seed need a run, not an environment."),

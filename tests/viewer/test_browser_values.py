@@ -161,8 +161,8 @@ def test_plots_stay_tall_and_the_table_has_room(open_page):
         page.page.wait_for_function("document.getElementById('signal').value === ''")
     page.drawn()
     heights = page.page.evaluate("document.getElementById('chart').chart.boxes.map((box) => box.height)")
-    assert min(heights) >= 114
-    page.page.evaluate("document.getElementById('drawing').scrollTop = 0")
+    assert min(heights) >= 199
+    page.page.evaluate("document.getElementById('stage').scrollTop = 0")
     for part in (0.25, 0.5):
         page.page.mouse.click(*page.place(part))
     table(page, ["B", "rate"])

@@ -52,6 +52,11 @@ def opened(tmp_path_factory):
         ({"points": 100, "curves": [CURVE | {"window": "01"}]}, "curves[1].window: Input should be a valid list."),
         ({"points": 100, "curves": [CURVE | {"shift": "1"}]}, "curves[1].shift: Input should be a valid number."),
         ({"points": 100, "curves": [CURVE | {"seeds": [0, 1]}]}, "case: expected a whole number from 0 to 0."),
+        ({"points": 100, "curves": [CURVE | {"partners": [1]}]}, "case: expected a whole number from 0 to 0."),
+        (
+            {"points": 100, "curves": [CURVE | {"partners": [0]}]},
+            "partners: expected none, or one for each of the seeds.",
+        ),
         (
             {"points": 100, "curves": [CURVE | {"part": "x"}]},
             "curves[1].part: Input should be 'mean', 'low' or 'high'.",
@@ -106,6 +111,8 @@ def test_an_answer_is_as_the_chart_reads_it(opened):
     }
     data = np.frombuffer(answer[8 + -(-length // 8) * 8 :])
     np.testing.assert_array_equal(data, np.concatenate([time, force]))
+    loop = lines({"points": 4000, "curves": [CURVE | {"kind": "xy", "x": "-sensor.force"}]}, opened)
+    np.testing.assert_array_equal(np.frombuffer(loop[-3 * 8000 :]), np.concatenate([-force, force, time]))  # with times
     assert values({"curves": [CURVE], "times": [[0.25, 9.0]]}, opened) == {
         "values": [[pytest.approx(force[250]), None]]
     }

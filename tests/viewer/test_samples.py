@@ -1,5 +1,7 @@
 """What is drawn is what was recorded: columns, extremes, differences, spectra, in the units that are shown."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pyarrow import parquet
@@ -92,6 +94,14 @@ def test_runs_differ_at_the_times_of_the_first(opened):
     assert (later.x[0], later.x[-1]) == (0.25, pytest.approx(0.25 + other[-1], abs=1e-3))
     np.testing.assert_allclose(later.y[0], np.interp(0.25, time, force) - weaker[0])
     assert not over_time(opened, ViewedCurve("sensor.force", 0, minus=0)).y.any()
+
+
+def test_differences_of_seeds_are_a_mean_between_lowest_and_highest(opened):
+    _, force = wave(1000.0, 2.0)
+    both = ViewedCurve("sensor.force", 1, minus=0, seeds=(1, 0), partners=(0, 1))  # force and -force
+    np.testing.assert_allclose(over_time(opened, both).y, np.zeros(len(force)), atol=1e-12)
+    parts = [over_time(opened, replace(both, part=part)).y for part in ("low", "high")]
+    np.testing.assert_allclose(parts, [-np.abs(force), np.abs(force)], atol=1e-12)
 
 
 def test_seeds_are_a_mean_between_lowest_and_highest(opened):

@@ -144,7 +144,7 @@ def check_name(text: str, runs: Path) -> None:
 
     environments = shipped_environments()
     if len(Path(text).parts) == 1 and not Path(text).suffix and text not in environments:
-        latest = {str(folder.parent / LATEST) for folder in finished_runs(runs)}
+        latest = {name for folder in finished_runs(runs) for name in (LATEST, str(folder.parent / LATEST))}
         raise SceneError(f"There is no environment or run '{text}'. {nearest(text, [*environments, *latest])}")
 
 
@@ -205,14 +205,14 @@ def view_signals(folders: list[Path], options: ViewOptions, target: Path | None)
     runs = RunCollection([open_recorded_run(folder) for folder in folders])
     has_case = bool(options.variant) or options.seed is not None
     cases = select_cases(runs, options.variant, options.seed) if target or has_case else ()
-    signals = select_signals(runs, options.patterns) if target or options.patterns else ()
+    signals = select_signals(runs, options.patterns) if options.patterns else ()
     if target is None:
         serve(runs, options.port, say, open_browser=not options.no_open, signals=signals, cases=cases)
         return
     page = embedded_page(runs, signals, cases)
     write_text(target, page.text)
     thinned = f"; {page.thinned} curves reduced to minima and maxima" * bool(page.thinned)
-    say(f"signals: {len(signals)}, curves: {page.curves}, {len(page.text) / 1e6:.2g} MB{thinned}")
+    say(f"signals: {page.signals}, curves: {page.curves}, {len(page.text) / 1e6:.2g} MB{thinned}")
     say(f"{target}" + " (replaced)" * replaced)
     if as_file:
         say("The page is one file. For the viewer, which also follows a run: pip install 'catheter-twin[console]'")

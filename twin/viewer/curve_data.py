@@ -24,7 +24,7 @@ SPACING_TOLERANCE = 0.01  # relative difference of sample times above which samp
 
 @dataclass(frozen=True)
 class CurvePoints:
-    """Points of a curve. `count`: number of samples that they represent; `unit`, `x_unit`: of the axes."""
+    """Points of a curve. `count`: number of samples that they represent; `unit`, `x_unit`: of the axes; `time`: of an x-y plot."""
 
     x: Array
     y: Array
@@ -33,6 +33,7 @@ class CurvePoints:
     count: int = 0
     is_real: bool = True
     is_boolean: bool = False
+    time: Array | None = None
 
 
 def inside(time: Array, window: tuple[float, float]) -> slice:
@@ -89,8 +90,8 @@ def over_another(runs: RunCollection, curve: ViewedCurve, window: tuple[float, f
     across = x.shown(x.y[part]) if np.array_equal(x.time, y.time) else interpolate(time, x)
     if len(time) > points:
         shown = np.union1d(extreme_indices(across, points // 2), extreme_indices(value, points // 2))
-        across, value = across[shown], value[shown]
-    return CurvePoints(across, value, y.unit, x.unit, len(time))
+        return CurvePoints(across[shown], value[shown], y.unit, x.unit, len(time), time=time[shown])
+    return CurvePoints(across, value, y.unit, x.unit, len(time), time=time)
 
 
 def spectrum(runs: RunCollection, curve: ViewedCurve, window: tuple[float, float], points: int) -> CurvePoints:
@@ -145,7 +146,7 @@ def statistics(runs: RunCollection, curve: ViewedCurve, window: tuple[float, flo
     begin, end = part.start, part.stop
     if begin >= end:
         return {"count": 0}
-    numbers = (curve.case, *curve.seeds, *(() if curve.minus is None else (curve.minus,)))
+    numbers = (curve.case, *curve.seeds, *curve.partners, *(() if curve.minus is None else (curve.minus,)))
     paths = (runs.run_of(runs.cases[number]).recording.path for number in numbers)  # each may be growing
     blocks = runs.cache.get((*paths, curve, "moments"), lambda: (moments(samples.time, samples.shown(samples.y)),))[0]
     first, last = -(-begin // BLOCK), end // BLOCK

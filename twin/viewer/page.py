@@ -19,6 +19,7 @@ from twin.viewer.page_data import about
 from twin.viewer.requests import head
 from twin.viewer.runs import ViewedCurve
 from twin.viewer.scene_data import Scenes
+from twin.viewer.selection import suggest_signals
 from twin.web import STATIC, PackedArrays, chart_script
 
 if TYPE_CHECKING:
@@ -90,13 +91,15 @@ class EmbeddedPage:
     """A self-contained page with samples. `thinned`: number of curves reduced to their extremes."""
 
     text: str
+    signals: int
     curves: int
     samples: int
     thinned: int
 
 
 def embedded_page(runs: RunCollection, signals: Sequence[str], cases: Sequence[int]) -> EmbeddedPage:
-    """Return a self-contained page with signals or expressions of some cases."""
+    """Return a self-contained page with signals or expressions of some cases; by default it opens as the page of a server."""
+    shown_signals, signals = list(signals), signals or suggest_signals(runs)
     content = about(runs) | {"study": None}
     arrays = PackedArrays()
     embedded, thinned, samples = [], 0, 0
@@ -116,7 +119,7 @@ def embedded_page(runs: RunCollection, signals: Sequence[str], cases: Sequence[i
     if not embedded:
         raise TwinError(f"{signals[0]}: none of these cases has recorded it. Choose others with --variant and --seed.")
     content["signals"] = [signal for signal in content["signals"] if signal["name"] in signals]
-    content |= {"title": title(content), "embedded": embedded, "shown": list(cases), "shown_signals": list(signals)}
+    content |= {"title": title(content), "embedded": embedded, "shown": list(cases), "shown_signals": shown_signals}
     content["film"] = film(runs, cases[0], arrays)
     text = html(content, arrays.texts, description(content))
     if len(text) > MAX_LETTERS:
@@ -124,7 +127,7 @@ def embedded_page(runs: RunCollection, signals: Sequence[str], cases: Sequence[i
             f"{len(embedded)} curves make a page of {len(text) / 1e6:.0f} MB; browsers support {MAX_LETTERS / 1e6:.0f}. "
             "Choose fewer with --signal, --variant and --seed."
         )
-    return EmbeddedPage(text, len(embedded), samples, thinned)
+    return EmbeddedPage(text, len(signals), len(embedded), samples, thinned)
 
 
 def film(runs: RunCollection, number: int, arrays: PackedArrays) -> dict[str, Any] | None:

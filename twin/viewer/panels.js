@@ -125,7 +125,8 @@ function tree() {
     members.get(member).push([one.name.slice(at + 1), one]);
   }
   find("count").textContent = count === about.signals.length ? `${count}` : `${count} of ${about.signals.length}`;
-  find("tree").replaceChildren(...[...members].map(([member, own]) => {
+  if (!count) find("tree").replaceChildren(element("p", `No recorded signal matches \u201c${find("search").value}\u201d. Parameters are listed in the report.`, { className: "twin-soft" }));
+  else find("tree").replaceChildren(...[...members].map(([member, own]) => {
     const found = element("details", "", { open: words.length > 0 && count < 300 }), list = element("div", "");
     found.append(element("summary", member || "signals"), list);
     const fill = () => { if (!list.childElementCount) list.append(...own.map(([short, one]) => leaf(short, one))); ticked(); };
@@ -149,7 +150,11 @@ function ticked() {
 }
 
 function cases() {
-  find("chosen").textContent = `${state.cases.length} of ${about.cases.length} shown`;
+  const all = about.embedded ? about.shown : about.cases.map((_, k) => k);
+  find("chosen").textContent = `${state.cases.length} of ${all.length} shown`;
+  find("some").hidden = state.cases.length >= all.length;
+  find("some").title = `At first up to ${GROUPS} curves a signal are shown, so that they can be told apart`;
+  find("some").onclick = () => { state.cases = all; show(); };
   const list = find("cases").querySelector("div"), seeds = groupsOf(about.cases.map((_, k) => k), true).some((group) => group.cases.length > 1);
   find("together").hidden = !seeds;
   find("band").checked = state.band;
@@ -198,16 +203,19 @@ function study() {
 }
 
 function plots() {
-  const there = (name) => !about.embedded || about.embedded.some((one) => one.signal === name);
-  const own = about.plots.filter((plot) => [...plot.signals, plot.x].filter(Boolean).every(there));
+  const own = about.plots.filter(isDrawable);
   find("plots").hidden = !own.length;
   find("plots").querySelector("div").replaceChildren(...own.map((plot) => button(plot.title, () => {
     state.panes.push(ofPlot(plot));
     state.cases = withVariants(state.cases, state.panes.at(-1).variants);
-    state.window = windowOfPlots([plot], state.cases) ?? state.window;
+    const own = windowOfPlots([plot], state.cases), [from, to] = windowOf();
+    if (own && (own[0] >= to || own[1] <= from)) state.window = own; // nothing of it would be seen
     show();
+    reveal();
   })));
 }
+
+const reveal = () => find("drawing").scrollIntoView({ block: "end" }); // the last pane
 
 // ---- new plots
 
@@ -225,7 +233,7 @@ find("new").onsubmit = async (event) => {
   state.panes.push(pane([signal], kind === "xy" ? { kind, x } : { kind }));
   find("signal").value = find("x").value = "";
   show();
-  find("drawing").scrollTop = find("drawing").scrollHeight;
+  reveal();
 };
 for (const id of ["signal", "x"]) completes(find(id));
 if (about.embedded) find("new").hidden = true;

@@ -56,16 +56,20 @@ class CurveRequest(RequestKeys):
     x: Annotated[str, Field(max_length=MAX_LETTERS)] = ""
     kind: str = "time"
     seeds: Annotated[list[Annotated[int, Field(ge=0)]], Field(max_length=MAX_SEEDS)] = Field(default_factory=list)
+    partners: Annotated[list[Annotated[int, Field(ge=0)]], Field(max_length=MAX_SEEDS)] = Field(default_factory=list)
     part: Literal["mean", "low", "high"] = "mean"
 
     def curve(self, runs: RunCollection) -> ViewedCurve:
         """Return the curve; RequestError if there is no such case or kind of drawing."""
         count = len(runs.cases)
-        if max(self.case, self.minus or 0, *self.seeds) >= count:
+        if max(self.case, self.minus or 0, *self.seeds, *self.partners) >= count:
             raise RequestError(f"case: expected a whole number from 0 to {count - 1}.")
+        if len(self.partners) not in (0, len(self.seeds)):
+            raise RequestError("partners: expected none, or one for each of the seeds.")
         if self.kind not in KINDS:
             raise RequestError(f"kind: expected one of {', '.join(KINDS)}.")
-        return ViewedCurve(self.signal, self.case, self.minus, self.shift, self.x, tuple(self.seeds), self.part)
+        seeds, partners = tuple(self.seeds), tuple(self.partners)
+        return ViewedCurve(self.signal, self.case, self.minus, self.shift, self.x, seeds, partners, self.part)
 
 
 class CurvesRequest(RequestKeys):
@@ -121,7 +125,9 @@ def lines(request: dict[str, Any], runs: RunCollection) -> bytes:
     """Return the drawn curves in the format of `twin.web.frames`, with a head or an error for each curve."""
     wanted = validate(CurvesRequest, request)
     heads: list[dict[str, Any]] = []
-    arrays = []
+    arrays: list[Any] = []
+    counts: list[int] = []
+    timed: list[bool] = []
     for request_keys, curve in [(keys, keys.curve(runs)) for keys in wanted.curves]:
         try:
             line = KINDS[request_keys.kind](
@@ -129,11 +135,14 @@ def lines(request: dict[str, Any], runs: RunCollection) -> bytes:
             )
         except TwinError as error:
             heads.append({"error": error.problems[0]})
-            arrays += [np.zeros(0), np.zeros(0)]
+            counts.append(0)
+            timed.append(False)
             continue
         heads.append(head(line, curve))
-        arrays += [line.x, line.y]
-    return pack({"heads": heads, "counts": [len(array) for array in arrays[::2]]}, arrays)
+        counts.append(len(line.x))
+        timed.append(line.time is not None)
+        arrays += [line.x, line.y, *([] if line.time is None else [line.time])]
+    return pack({"heads": heads, "counts": counts, "timed": timed}, arrays)
 
 
 def pack(header: dict[str, Any], arrays: Iterable[Any]) -> bytes:

@@ -54,7 +54,7 @@ class ViewedCurve:
     """A drawn line: an expression in a case, optionally minus the same in case `minus`, over time or over `x`.
 
     `shift`: added to the times of `minus` [s] to align runs. `seeds`: cases whose mean, lowest or highest value (`part`) is
-    drawn at the times of `case`.
+    drawn at the times of `case`; `partners`: what is subtracted from each of them.
     """
 
     signal: str
@@ -63,6 +63,7 @@ class ViewedCurve:
     shift: float = 0.0
     x: str = ""
     seeds: tuple[int, ...] = ()
+    partners: tuple[int, ...] = ()
     part: str = "mean"
 
 
@@ -295,13 +296,14 @@ class RunCollection:
 
     def _across_seeds(self, curve: ViewedCurve, text: str) -> CurveSamples:
         """Return mean, lowest or highest value of several cases, at the first case's times; missing values are left out."""
-        own = self.samples(ViewedCurve(text, curve.case))
+        own = self.samples(ViewedCurve(text, curve.case, curve.minus, curve.shift))
+        partners = curve.partners or (None,) * len(curve.seeds)
 
         def make() -> tuple[Array, ...]:
             count, total = np.zeros(len(own.time)), np.zeros(len(own.time))
             low, high = np.full(len(own.time), np.nan), np.full(len(own.time), np.nan)
-            for number in curve.seeds:
-                other = self.samples(ViewedCurve(text, number))
+            for number, partner in zip(curve.seeds, partners, strict=True):
+                other = self.samples(ViewedCurve(text, number, partner, curve.shift))
                 if other.unit != own.unit:
                     raise ScenarioError(f"{text}: its unit differs between seeds. Show the seeds separately.")
                 y = interpolate(own.time, other)
@@ -313,7 +315,8 @@ class RunCollection:
             with np.errstate(invalid="ignore"):
                 return total / count, low, high
 
-        key = (*(self.run_of(self.cases[number]).recording.path for number in curve.seeds), curve.seeds, text)
+        paths = (self.run_of(self.cases[number]).recording.path for number in (*curve.seeds, *curve.partners))
+        key = (*paths, curve.seeds, curve.partners, curve.shift, text)
         y = self.cache.get(key, make)[PARTS.index(curve.part)]
         return CurveSamples(own.time, y, own.unit, is_real=own.is_real)
 

@@ -1,6 +1,6 @@
 // Sources of samples: a server that reads the runs' folders, or the page itself. Both have:
 //
-//   lines(specs, points)   -> [{x, y, head}]; a spec is {kind, signal, case, minus, shift, x, seeds, part, window: [from, to]} in the run's own time
+//   lines(specs, points)   -> [{x, y, t, head}]; a spec is {kind, signal, case, minus, shift, x, seeds, partners, part, window: [from, to]} in the run's own time
 //   values(specs, times)   -> [[value, ...], ...], null where not recorded
 //   statistics(specs)      -> [{count, unit, mean, std, rms, low, high, peak_to_peak, slope, rate}] of the window
 //   scene(case, window)    -> {views, times, signals: [{name, shape, values}]}
@@ -70,11 +70,11 @@ class EmbeddedSource {
     return { x: Float64Array.from(x), y: Float64Array.from(y), head: own.head };
   }
 
-  // mean, lowest or highest value of several cases, at the times of the first
-  async acrossSeeds({ signal, case: number, seeds, part }) {
-    const name = JSON.stringify([signal, seeds]), own = await this.samples(signal, number);
+  // mean, lowest or highest value of several cases, or of their differences from others, at the times of the first
+  async acrossSeeds({ seeds, partners, part, ...spec }) {
+    const name = JSON.stringify([spec.signal, seeds, partners, spec.shift]), own = await this.whole(spec);
     if (!this.merged.has(name)) {
-      const all = await Promise.all(seeds.map((seed) => this.samples(signal, seed))), found = { mean: [], low: [], high: [] };
+      const all = await Promise.all(seeds.map((seed, k) => this.whole({ ...spec, case: seed, minus: partners?.[k] ?? null }))), found = { mean: [], low: [], high: [] };
       for (const time of own.x) {
         const values = all.map((one) => valueAt(one, time)).filter((value) => value !== null);
         found.mean.push(values.length ? values.reduce((a, b) => a + b, 0) / values.length : NaN);
@@ -97,8 +97,8 @@ class EmbeddedSource {
         const times = x.slice(begin, end), of = (one) => Float64Array.from(times, (time) => valueAt(one, time) ?? NaN);
         const sides = [of(across), of({ x, y, head })]; // of many samples the extremes of both, as the server
         const shown = times.length <= points ? null : [...new Set(sides.flatMap((side) => [...extremes(Float64Array.from(side.keys()), side, 0, side.length, points / 2).x]))].sort((a, b) => a - b);
-        const [u, v] = shown ? sides.map((side) => Float64Array.from(shown, (k) => side[k])) : sides;
-        return { x: u, y: v, head: { ...head, x_unit: across.head.unit } };
+        const [u, v, t] = shown ? [...sides, times].map((side) => Float64Array.from(shown, (k) => side[k])) : [...sides, times];
+        return { x: u, y: v, t, head: { ...head, x_unit: across.head.unit } };
       } catch (error) {
         return { x: [], y: [], head: { error: error.message } };
       }
@@ -114,7 +114,7 @@ class EmbeddedSource {
 
   // whether the page has the extremes of a curve's samples alone
   async isThinned(spec) {
-    const all = await Promise.all([spec.case, spec.minus ?? spec.case, ...(spec.seeds ?? [])].map((number) => this.samples(spec.signal, number)));
+    const all = await Promise.all([spec.case, spec.minus ?? spec.case, ...(spec.seeds ?? []), ...(spec.partners ?? [])].map((number) => this.samples(spec.signal, number)));
     return all.some((own) => own.head.count > own.x.length);
   }
 

@@ -1,6 +1,6 @@
 // What is shown: `state` is stored in the URL; everything else follows from it.
 //
-//   panes:   [{kind: "time" | "xy" | "spectrum", items: [{signal, minus}], x, plot, range, facet, weights, variants}]
+//   panes:   [{kind: "time" | "xy" | "spectrum", items: [{signal, minus}], x, plot, range, domain, facet, weights, variants}]
 //            minus: a case's number, a run's as "A", or a variant's as "=PI"; variants: if set, the only ones of the pane; facet: "" | "variant" | "run", a pane for each; weights: heights of these
 //   cases:   numbers of the shown cases       window: [from, to] or null       cursors: [a, b]
 //   offsets: shift of each run in time [s]    band: seeds as mean and range    time: of the time cursor, or null
@@ -22,11 +22,10 @@ function first() {
   const firsts = firstGroups(), samples = firsts.flatMap(({ cases }) => cases).reduce((sum, k) => sum + about.cases[k].samples, 0);
   const seeds = samples <= SAMPLES ? firsts.flatMap(({ cases }) => cases) : firsts.map(({ cases }) => cases[0]);
   const found = { panes: [], cases: about.shown.length ? about.shown : seeds, window: null, cursors: [], offsets: about.runs.map(() => 0), band: true, time: null, scene: null, span: about.following && about.growing ? LATEST : null };
-  const failed = about.expectations.find((one) => one.verdict === "fail" && Object.keys(one.spans).length);
-  if (about.following && about.embedded && about.plots.every((plot) => !plot.first || [...plot.signals, ...Object.values(plot.bands).flat()].every((name) => about.embedded.some((one) => one.signal === name)))) found.panes = firstPlots(1);
-  else if (about.shown_signals.length) found.panes = together(about.shown_signals, groupsOf(found.cases, true).length);
+  const failed = about.expectations.find((one) => one.verdict === "fail" && Object.keys(one.spans).length && nameInPage(one.signal));
+  if (about.shown_signals.length) found.panes = together(about.shown_signals, groupsOf(found.cases, true).length);
   else if (failed) {
-    found.panes = [pane([failed.signal], { variants: failed.variants.length ? failed.variants : undefined })];
+    found.panes = [pane([nameInPage(failed.signal)], { variants: failed.variants.length ? failed.variants : undefined })];
     const bad = Object.keys(failed.spans).map(Number), shown = new Set(found.cases);
     if (!bad.some((k) => shown.has(k))) found.cases = [bad[0], ...found.cases];
     if (failed.failed_at === null) found.panes.push(...firstPlots(1).slice(0, 1)); // of a metric: its signal may be one number
@@ -71,10 +70,11 @@ function firstGroups() {
 
 // the first plots that fit: one that is split into a pane for each variant counts as many
 function firstPlots(variants) {
-  if (about.following) return about.plots.filter((plot) => plot.first).map(ofPlot);
+  const drawable = about.plots.filter(isDrawable);
+  if (about.following) return drawable.filter((plot) => plot.first).map(ofPlot);
   const panes = [];
   let count = 0;
-  for (const plot of about.plots.map(ofPlot)) {
+  for (const plot of drawable.map(ofPlot)) {
     const own = plot.facet ? variants : 1;
     if (panes.length && (panes.length === FIRST_PLOTS || count + own > FIRST_PANES)) continue;
     panes.push(plot);
@@ -82,6 +82,10 @@ function firstPlots(variants) {
   }
   return panes;
 }
+
+// the name of a signal in this page, whose expressions may be written otherwise; undefined if a page of one file does not have it
+const nameInPage = (signal) => (about.embedded ? about.embedded.find((one) => one.signal === signal || one.head.key === signal)?.signal : signal);
+const isDrawable = (plot) => [...plot.signals, plot.x].filter(Boolean).every(nameInPage);
 
 const pane = (names, more = {}) => ({ kind: "time", items: names.map((signal) => ({ signal, minus: null })), facet: "", weights: [], ...more });
 const ofPlot = (plot) => pane(plot.signals, { variants: plot.variants?.length ? plot.variants : undefined, ...(plot.x ? { kind: "xy", x: plot.x, plot: plot.title } : { plot: plot.title, range: plot.range || undefined, facet: plot.per_variant && plot.signals.length > 1 ? "variant" : "" }) });
@@ -104,14 +108,14 @@ function remembered() {
     const saved = JSON.parse(decodeURIComponent(location.hash.slice(1)));
     const whole = (value) => Number.isInteger(value) && value >= 0 && value < about.cases.length;
     const pair = (value) => Array.isArray(value) && value.every(Number.isFinite);
-    const range = (one) => (pair(one.range) && one.range.length === 2 && one.range[1] > one.range[0] ? one.range : undefined);
+    const range = (ends) => (pair(ends) && ends.length === 2 && ends[1] > ends[0] ? ends : undefined);
     const items = (one) => one.items.filter((item) => typeof item.signal === "string").map(({ signal, minus }) => ({ signal, minus: minus ?? null }));
     const weights = (one) => (pair(one.weights ?? []) ? (one.weights ?? []).filter((weight) => weight > 0) : []);
     return {
       panes: saved.panes.filter((one) => ["time", "xy", "spectrum"].includes(one.kind)).slice(0, PANES).map((one) => ({
-        ...one, items: items(one), range: range(one), facet: ["variant", "run"].includes(one.facet) ? one.facet : "", weights: weights(one), variants: Array.isArray(one.variants) ? one.variants : undefined })),
+        ...one, items: items(one), range: range(one.range), domain: range(one.domain), facet: ["variant", "run"].includes(one.facet) ? one.facet : "", weights: weights(one), variants: Array.isArray(one.variants) ? one.variants : undefined })),
       cases: saved.cases.filter(whole),
-      window: pair(saved.window) && saved.window.length === 2 && saved.window[1] > saved.window[0] ? saved.window : null,
+      window: range(saved.window) ?? null,
       cursors: pair(saved.cursors) ? saved.cursors.slice(0, 2) : [],
       offsets: about.runs.map((_, k) => (Number.isFinite(saved.offsets?.[k]) ? saved.offsets[k] : 0)),
       band: saved.band !== false,
@@ -124,9 +128,17 @@ function remembered() {
 
 const address = () => `#${encodeURIComponent(JSON.stringify(state))}`;
 
+const steady = () => JSON.stringify({ ...state, cursors: [], time: null });
+
+// Each change is a step in the history of the browser, which undoes it, but for those of cursors. `history.state`: number of steps.
 function keep() {
   clearTimeout(keep.due);
-  keep.due = setTimeout(() => history.replaceState(null, "", address()), 200);
+  keep.due = setTimeout(() => {
+    const now = steady(), isStep = keep.last !== undefined && keep.last !== now;
+    history[isStep ? "pushState" : "replaceState"]((history.state ?? 0) + isStep, "", address());
+    keep.last = now;
+    find("undo").disabled = !history.state;
+  }, 200);
 }
 
 // ---- cases, and groups of them that are one curve
@@ -180,13 +192,22 @@ function shownPanes() {
 function shownPane(one, cases, part) {
   const lines = drawnBy(one, cases), head = lines.map((line) => heads.get(line.name)).find(Boolean);
   const unit = head?.unit ?? unitOf(one.items[0]?.signal) ?? "", title = [titled(one), part].filter(Boolean).join(": ");
-  const found = { title, unit, range: one.range, curves: lines, own: one.kind !== "time", log: one.kind === "spectrum" ? "xy" : "" };
+  const found = { title, unit, range: one.range, domain: one.domain, home: plotOf(one)?.range || undefined, curves: lines, own: one.kind !== "time", log: one.kind === "spectrum" ? "xy" : "" };
   if (found.own) found.x = { label: one.kind === "spectrum" ? "frequency" : one.x, unit: `[${head?.x_unit || (one.kind === "xy" ? signals.get(one.x)?.unit : "Hz") || ""}]` };
   const plot = plotOf(one);
   if (plot && one.items.every((item) => item.minus === null)) Object.assign(found, { band: plot.band.length ? plot.band : null, lines: plot.lines });
   if (one.kind === "time") Object.assign(found, judged(lines));
+  found.ending = shorten(lines);
   if (one.kind === "time" && plot?.fan) found.curves = [...lines, ...fan(plot.fan, lines.length)];
   return found;
+}
+
+// what all labels of a pane end with, such as `3 seeds`: its title has it instead
+function shorten(lines) {
+  const [end, ...others] = new Set(lines.map(({ label }) => /, [^,]+$/.exec(label)?.[0] ?? ""));
+  if (!end || others.length || lines.length < 2) return "";
+  for (const line of lines) line.short = line.label.slice(0, -end.length);
+  return end.replace(/ \u2212 .*/, ""); // what is subtracted is in the title
 }
 
 // the last forecast of a followed rig: median and 90 % band of a signal, from now on
@@ -216,20 +237,23 @@ function appearance({ run, variant, cases, seed }) {
 }
 
 // The curves of a pane. A single signal has the colors and dashes of its cases; of several signals, each has a color, and each run and variant a dash.
+// A color means one thing in all panes: those of signals follow those of the cases.
 function drawnBy(one, cases) {
   const several = one.items.length > 1, labels = plotOf(one)?.labels || [], found = [];
   const groups = (minus) => {
-    const all = groupsOf(cases, state.band && minus === null);
+    const all = groupsOf(cases, state.band && (minus === null || letter(minus)));
     return one.kind === "time" ? all : all.map((group) => ({ ...group, cases: group.cases.slice(0, 1) })); // loops and spectra have no mean over seeds
   };
   const parts = [...new Set(cases.map((k) => JSON.stringify([about.cases[k].run, about.cases[k].variant])))];
+  const colored = [...new Set(state.panes.filter((each) => each.items.length > 1).flatMap((each) => each.items.map(({ signal }) => signal)))];
+  const first = Math.max(variantNumbers.count, about.runs.length), taken = first > 1 ? first : 0;
   one.items.forEach((item, i) => {
     const all = groups(item.minus);
     for (const group of all) {
       const line = curveOf(one, item, group);
       if (!line) continue;
       const own = appearance(group), name = labels[i] && item.minus === null ? labels[i] : item.signal + lessOf(item.minus);
-      if (several) Object.assign(own, { color: i, dash: parts.indexOf(JSON.stringify([group.run, group.variant])) });
+      if (several) Object.assign(own, { color: taken + colored.indexOf(item.signal), dash: parts.indexOf(JSON.stringify([group.run, group.variant])) });
       const label = !several && !(labels[i] && all.length === 1 && plotOf(one).first) ? groupLabel(group) + lessOf(item.minus) : all.length === 1 ? name : `${name}, ${groupLabel(group)}`;
       found.push({ ...line, ...own, color: own.color % 8, dash: DASHES[own.dash % DASHES.length], label, about: `${item.signal}: ${signals.get(item.signal)?.about || groupLabel(group)}` });
     }
@@ -238,16 +262,14 @@ function drawnBy(one, cases) {
 }
 
 function curveOf(one, item, { cases }) {
-  const there = cases.filter((number) => recorded(item.signal, number)), [number] = there;
+  const less = (number) => (item.minus === null ? null : other(item.minus, number)), there = cases.filter((number) => recorded(item.signal, number) && ![number, -1].includes(less(number))), [number] = there;
   if (number === undefined) return null;
-  const minus = item.minus === null ? null : other(item.minus, number);
-  if (minus === number || minus === -1) return null;
-  const spec = { kind: one.kind, signal: item.signal, case: number, minus, x: one.kind === "xy" ? one.x : "",
-                 shift: minus === null ? 0 : offset(minus) - offset(number), seeds: there.length > 1 ? there : [] };
+  const minus = less(number), isMany = there.length > 1, spec = { kind: one.kind, signal: item.signal, case: number, minus, x: one.kind === "xy" ? one.x : "",
+                 shift: minus === null ? 0 : offset(minus) - offset(number), seeds: isMany ? there : [], partners: isMany && minus !== null ? there.map(less) : [] };
   const named = (part) => JSON.stringify([{ ...spec, part }, offset(number)]);
-  const edges = minus === null && one.kind === "time" && there.length === 1 ? bandOf(item.signal) : null;
+  const edges = minus === null && one.kind === "time" && !isMany ? bandOf(item.signal) : null;
   const edge = (signal) => JSON.stringify([{ ...spec, signal, part: "mean" }, offset(number)]);
-  const range = there.length > 1 ? { low: named("low"), high: named("high") } : edges ? { low: edge(edges[0]), high: edge(edges[1]) } : {};
+  const range = isMany ? { low: named("low"), high: named("high") } : edges ? { low: edge(edges[0]), high: edge(edges[1]) } : {};
   return { spec: { ...spec, part: "mean" }, item, cases: there, name: named("mean"), ...range, step: heads.get(item.signal)?.real === false && one.kind === "time" };
 }
 

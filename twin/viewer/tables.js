@@ -39,7 +39,7 @@ async function summarize() {
 
 // statistics of curves; seeds are evaluated one by one, as in metrics: the mean curve would hide their noise
 async function statisticsOf(specs) {
-  const parts = specs.map((spec) => (spec.seeds?.length ? spec.seeds.map((number) => ({ ...spec, case: number, seeds: [] })) : [spec]));
+  const parts = specs.map((spec) => (spec.seeds?.length ? spec.seeds.map((number, k) => ({ ...spec, case: number, minus: spec.partners[k] ?? null, seeds: [], partners: [] })) : [spec]));
   const found = await source.statistics(parts.flat());
   return parts.map((own) => overSeeds(found.splice(0, own.length)));
 }
@@ -75,7 +75,9 @@ function valueTable(lines, values, statistics) {
 
 // the rows of the curves of a pane, or of the panes into which it is split: each column has one precision
 function paneRows(entries, cursors, row) {
-  const unit = entries.find((each) => each.unit)?.unit ?? entries[0].line.pane.unit, step = resolution(entries), [from, to] = summarized();
+  const [factor, unit] = prefixed(entries.find((each) => each.unit)?.unit ?? entries[0].line.pane.unit, entries), [from, to] = summarized();
+  entries = entries.map((each) => ({ ...each, ...Object.fromEntries([...cursors, ...STATISTICS.map(([name]) => name), "slope"].map((name) => [name, Number.isFinite(each[name]) ? factor * each[name] : each[name]])) }));
+  const step = resolution(entries);
   const columns = [...[...cursors, ...STATISTICS.map(([name]) => name)].map((name) => [name, step]), ["slope", step / (to - from)], ["rate", 0]];
   const texts = columns.map(([name, own]) => columnTexts(entries.map((each) => each[name]), own));
   entries.forEach(({ line, count, thinned }, k) => {
@@ -84,6 +86,12 @@ function paneRows(entries, cursors, row) {
     made.firstChild.append(swatch(line), line.label.replace(/, \d+ seeds/, ""));
     made.title = `${line.label}: ${line.about}; ${(count ?? 0).toLocaleString("en-US")} ${thinned ? "extremes of its samples: mean, std and RMS with twin view" : "samples"}`;
   });
+}
+
+// a factor and a unit in which values below one are no fractions, as in metrics: 35.58 mN rather than 0.03558 N
+function prefixed(unit, entries) {
+  const largest = Math.max(0, ...entries.flatMap(({ low, high }) => [low, high]).filter(Number.isFinite).map(Math.abs));
+  return /^([NmsVAWJ]|Pa|Hz)$/.test(unit) && largest && largest < 1 ? [1e3, `m${unit}`] : [1, unit];
 }
 
 // what a screen can show of the smallest range of several curves, at most a part of the largest value; 0 if all are constant
@@ -105,7 +113,7 @@ function badge(verdict) { return element("b", { pass: "pass", fail: "FAIL", none
 
 function expectations() {
   const box = find("expectations"), rows = about.expectations.map((one) => {
-    const found = button("", () => goTo(one), { className: "outcome", disabled: !one.signal || (!!about.embedded && !about.embedded.some((each) => each.signal === one.signal || each.head.key === one.signal)) });
+    const found = button("", () => goTo(one), { className: "outcome", disabled: !one.signal || !nameInPage(one.signal) });
     const label = element("span", "");
     label.append(element("b", (about.runs.length > 1 ? `${about.runs[one.run].letter}: ` : "") + one.name), " ", element("small", one.detail && one.detail !== one.name ? one.detail : ""));
     found.append(badge(one.verdict), label);
@@ -128,7 +136,7 @@ function metrics() {
   box.querySelector("div").replaceChildren(...about.metrics.map((one) => {
     const found = element("div", "", { className: "metric" }), table = element("table", ""), reference = one.rows.some((row) => row.reference !== null);
     const title = `${about.runs.length > 1 ? `${about.runs[one.run].letter}: ` : ""}${one.description || one.name}${one.unit ? ` [${one.unit}]` : ""}`;
-    found.append(button(title, () => goTo({ ...one, spans: {} }), { className: "name", title: `${one.name}: ${one.definition}`, disabled: !one.signal || !!about.embedded && !about.embedded.some((each) => each.head.key === one.signal) }), table);
+    found.append(button(title, () => goTo({ ...one, spans: {} }), { className: "name", title: `${one.name}: ${one.definition}`, disabled: !one.signal || !nameInPage(one.signal) }), table);
     if (reference) { const head = table.insertRow(); ["", "twin", "paper", judged.length ? one.tolerance ?? "" : ""].forEach((text) => head.append(element("th", text))); }
     for (const row of one.rows) {
       const made = table.insertRow();
@@ -143,7 +151,7 @@ function metrics() {
 
 // show the signal of an expectation or a metric, in its window; of a failed expectation, its first failed span
 function goTo(one) {
-  const curve = about.embedded?.find((each) => each.signal === one.signal || each.head.key === one.signal), name = curve ? curve.signal : one.signal;
+  const name = nameInPage(one.signal);
   const variants = one.variants?.length ? one.variants : undefined; // those that are judged
   const seen = state.panes.some((each) => each.kind === "time" && (!variants || String(each.variants) === String(variants)) && each.items.some((item) => item.minus === null && (item.signal === name || heads.get(item.signal)?.key === one.signal)));
   if (!seen) state.panes.unshift(pane([name], { variants }));

@@ -18,8 +18,9 @@ async function samples({ names, points, from, to }) {
     lines.forEach(({ head }, k) => learned(names[k], asked[k][0], head));
     const problem = lines.find((one) => one.head.error);
     say(problem ? problem.head.error : "");
-    return { from: window[0], to: window[1], last: window[1],
-             curves: lines.map(({ x, y }, k) => ({ x: ["time", "fan"].includes(asked[k][0].kind) && moved[k] ? Float64Array.from(x, (time) => time + moved[k]) : x, y })) };
+    setTimeout(() => announce(state.panes.length), 0); // when the chart has them
+    const shifted = (times, k) => (times && moved[k] ? Float64Array.from(times, (time) => time + moved[k]) : times), isTimed = (k) => ["time", "fan"].includes(asked[k][0].kind);
+    return { from: window[0], to: window[1], last: window[1], curves: lines.map(({ x, y, t }, k) => ({ x: isTimed(k) ? shifted(x, k) : x, y, t: shifted(t, k) })) };
   } catch (error) {
     say(error instanceof TypeError ? "The server does not answer. Start twin view again, then load this page anew." : error.message);
     return null;
@@ -59,9 +60,13 @@ function say(text) {
 }
 
 class Panes extends Chart {
+  unfolded = new Set(); // places of panes whose legend is shown as a whole
+
   legend(one, index) {
-    const line = super.legend(one, index);
-    if (one.violations?.length) line.firstChild.append(element("span", `red: fails ${one.violations.join("; ")}`, { className: "violations" }));
+    const line = super.legend(one, index), isUnfolded = this.unfolded.has(one.place);
+    line.classList.toggle("unfolded", isUnfolded);
+    line.append(button(isUnfolded ? "less" : `all ${one.curves.length}`, () => { if (!this.unfolded.delete(one.place)) this.unfolded.add(one.place); show(); }, { className: "more", title: isUnfolded ? "Show some of the names" : "Show all names" }));
+    if (one.violations?.length) line.append(element("span", `red: fails ${one.violations.join("; ")}`, { className: "violations" }));
     line.append(menu(one.place));
     return line;
   }
@@ -70,6 +75,17 @@ class Panes extends Chart {
     const chip = super.chip(curve, index);
     curve.equality = chip.firstChild.appendChild(element("span", ""));
     return chip;
+  }
+
+  // some rows of names, and a button for the others
+  measure() {
+    const rows = innerWidth <= NARROW ? 4 : 2;
+    for (const line of this.legends.children) {
+      const names = line.firstChild, tops = [...new Set([...names.children].map((one) => one.offsetTop))].sort((a, b) => a - b), isLong = tops.length > rows;
+      line.classList.toggle("long", isLong);
+      names.style.maxHeight = isLong && !line.classList.contains("unfolded") ? `${tops[rows] - tops[0]}px` : "";
+    }
+    super.measure();
   }
 
   // a difference that is zero in the visible window would otherwise look like a curve that is missing
@@ -100,7 +116,7 @@ function show() {
 // a sentence in place of charts without signals, and of those of a run before its first sample
 function announce(count) {
   const isWaiting = about.growing && !state.cases.some((k) => about.cases[k].samples);
-  const text = !count ? "Pick a signal, or drag one here." : isWaiting ? "Waiting for the first samples." : "";
+  const text = !count ? "Pick a signal, or drag one here." : isWaiting ? "Waiting for the first samples." : chart.frames ? "" : "Loading ...";
   find("chart").querySelector(".empty")?.remove();
   if (text) find("chart").append(Object.assign(document.createElement("div"), { className: "empty", role: "status", textContent: text }));
 }
@@ -136,6 +152,13 @@ function heard(event, detail) {
   if (event === "dim") tabulate();
   if (event === "drop") add(detail.name, shown[detail.pane]?.place ?? -1);
   if (event === "remove") { const { item, place } = curves.get(detail.name); away(place, item); }
+  if (event === "range") {
+    const { pane: index, ...axes } = detail, { place } = shown[index];
+    Object.assign(state.panes[place], axes);
+    for (const one of shown) if (one.place === place) Object.assign(one, axes);
+    chart.redraw();
+    keep();
+  }
   if (event === "weights") {
     state.panes.forEach((one) => { one.weights = []; });
     shown.forEach((one, k) => { state.panes[one.place].weights[one.part] = detail.weights[k]; });
@@ -154,6 +177,7 @@ function begin() {
     };
   }
   find("all").onclick = () => { state.window = null; state.span = null; show(); };
+  find("undo").onclick = () => history.back();
   find("clear").onclick = () => { state.cursors = []; show(); };
   find("span").hidden = !about.growing;
   find("span").onchange = () => { state.window = null; state.span = +find("span").value || null; show(); };
@@ -166,13 +190,25 @@ function begin() {
     try { await navigator.clipboard.writeText(location.href); say("The address is in the clipboard."); } catch { say("Copy it from the address line."); }
   };
   addEventListener("keydown", pressed);
-  addEventListener("hashchange", () => { state = remembered() || state; show(); });
-  document.addEventListener("click", (event) => document.querySelectorAll("details.menu[open]").forEach((one) => { if (!one.contains(event.target)) one.open = false; }));
+  addEventListener("hashchange", () => {
+    const { cursors, time } = state, isStep = history.state !== null; // cursors are no part of the steps
+    state = { ...(remembered() || state), ...(isStep ? { cursors, time } : {}) };
+    keep.last = steady();
+    show();
+  });
+  document.addEventListener("click", (event) => closeMenus(event.target));
   document.querySelectorAll(".splitter").forEach(splits);
   show();
 }
 
+function closeMenus(but) {
+  document.querySelectorAll("details.menu[open]").forEach((one) => { if (!one.contains(but)) one.open = false; });
+}
+
 function pressed(event) {
+  if (event.key === "Escape") closeMenus(null);
+  const step = event.ctrlKey || event.metaKey ? { z: -1, Z: 1, y: 1 }[event.key] : undefined;
+  if (step && !event.target.closest("input, textarea") && (step > 0 || history.state)) { event.preventDefault(); history.go(step); return; }
   if (event.target.closest("input, select, textarea") || event.ctrlKey || event.metaKey || event.altKey) return;
   if (event.key === " " && !event.target.closest("button, summary")) { event.preventDefault(); find("play").click(); }
   const move = KEYS[event.key];

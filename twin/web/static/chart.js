@@ -1,22 +1,24 @@
 // Panes of curves over one axis, drawn on a canvas. Independent of the server: samples come from a `source`.
 //
 //   new Chart(element, {panes, source, span, follow, notify, marks})
-//   panes:  [{title, unit, weight, curves: [{name, label, color, step, dash, opacity, faint, low, high, about}], band: [low, high], lines: [y], own, log,
-//            x: {label, unit}, spans: [{from, to, text}], range: [low, high], limits: [{y, from, to, failed}]}]
-//           `weight`: height relative to other panes. `own`: over its own x instead of time (x-y, spectra). log: "", "x", "y", "xy"
+//   panes:  [{title, ending, unit, weight, curves: [{name, label, short, color, step, dash, opacity, faint, low, high, about}], band: [low, high], lines: [y], own, log,
+//            x: {label, unit}, spans: [{from, to, text}], range: [low, high], home, domain: [low, high], limits: [{y, from, to, failed}]}]
+//           `ending`: of all labels, whose rest is `short`. `weight`: height relative to other panes. `own`: over its own x instead of time (x-y, spectra). log: "", "x", "y", "xy"
+//           `range`: of the vertical axis, and `domain`: of its own x, to which a user has zoomed; `home`: the range without zoom (default: `range`)
 //           of a curve, other curves of the source: `faint`, drawn faintly behind it; `low` and `high`, with a filled area between them
-//   source: async ({names, from, to, span, points}) -> {from, to, last, curves: [{x, y}]}; span: length of the last seconds
+//   source: async ({names, from, to, span, points}) -> {from, to, last, curves: [{x, y, t}]}; t: times of the points of an x-y plot; span: length of the last seconds
 //   notify: (event, detail): "window" {from, to, follow, span, all}, "cursors" {a, b}, "time" {at}, "drop" {name, pane}, "remove" {name, pane},
-//           "weights" {weights}, "dim" {names}, "drawn"
-// Drag: zoom in. Shift-drag: move. Wheel: zoom at the pointer. Double-click: all, or follow again. Pointer: values of the nearest samples.
-// Click: cursor A; shift-click or the next click: cursor B; a third: none. Cursors snap to samples; cursors, the time cursor and the borders of
-// panes are dragged. A click on a name of the legend dims its curve.
+//           "weights" {weights}, "range" {pane, range, domain}, "dim" {names}, "drawn"
+// Drag: zoom in, along the vertical axis too. Shift-drag: move. Wheel: zoom at the pointer, over the numbers of a vertical axis along that.
+// Double-click: all, or follow again. Pointer: values of the nearest samples. Click: cursor A; shift-click or the next click: cursor B; a third
+// moves the nearer one; a click on a cursor removes it. Cursors snap to samples; cursors, the time cursor and the borders of panes are dragged.
+// A click on a name of the legend dims its curve.
 
 import { before, number } from "./scale.js";
 import { BOTTOM, GAP, LEFT, RIGHT, STRIP, paintCurves, paintOverlays } from "./painter.js";
 import { listenTo } from "./pointer.js";
 
-const PERIOD = 1000 / 31, TICK = PERIOD / 4, ROW = 24, SMALLEST = 24; // [ms], [ms]; height of a row of the legend, least height of a pane [px]
+const PERIOD = 1000 / 31, TICK = PERIOD / 4, ROW = 24, SMALLEST = 24, AWAY = 24; // [ms], [ms]; height of a row of the legend, least height of a pane, distance of the read-out [px]
 const SVG = "http://www.w3.org/2000/svg";
 
 export class Chart {
@@ -59,6 +61,7 @@ export class Chart {
 
   setPanes(panes) {
     this.panes = panes;
+    for (const pane of panes) if (!("home" in pane)) pane.home = pane.range;
     for (const line of this.legends.children) this.observer.unobserve(line);
     this.legends.replaceChildren(...panes.map((pane, index) => this.legend(pane, index)));
     for (const line of this.legends.children) this.observer.observe(line);  // its rows wrap
@@ -92,7 +95,7 @@ export class Chart {
     const names = row.appendChild(document.createElement("div")), title = names.appendChild(document.createElement("span"));
     names.className = "twin-names";
     title.className = "twin-pane-title";
-    title.textContent = [pane.title, pane.unit && `[${pane.unit}]`].filter(Boolean).join(" ");
+    title.textContent = [pane.title, pane.unit && `[${pane.unit}]`].filter(Boolean).join(" ") + (pane.ending || "");
     names.append(...pane.curves.map((curve) => this.chip(curve, index)));
     pane.instant = title.appendChild(document.createElement("span"));
     return row;
@@ -104,7 +107,8 @@ export class Chart {
     name.type = "button";
     name.className = "twin-chip-name";
     name.title = `${curve.about || label}. Click: dim or show.`;
-    name.append(swatch(curve), label);
+    name.ariaLabel = label;
+    name.append(swatch(curve), curve.short || label);
     const mark = () => { chip.classList.toggle("twin-dimmed", this.dimmed.has(curve.name)); name.setAttribute("aria-pressed", !this.dimmed.has(curve.name)); };
     name.onclick = () => {
       if (!this.dimmed.delete(curve.name)) this.dimmed.add(curve.name);
@@ -132,9 +136,11 @@ export class Chart {
       row.append(swatch(curve), label, value);
       return row;
     }), ...(hover.notes || []).map((text) => Object.assign(document.createElement("div"), { className: "twin-fail", textContent: text })));
-    const { offsetWidth: wide, offsetHeight: tall } = this.readout, { clientX: x, clientY: y } = hover, { right } = this.element.getBoundingClientRect();
-    this.readout.style.left = `${Math.max(x + 14 + wide > right ? x - 14 - wide : x + 14, 0)}px`;
-    this.readout.style.top = `${Math.max(Math.min(y + 14, innerHeight - tall - 4), 0)}px`;
+    // beside the samples that are read, where there is more room; inside the pane, or above it rather than over the legend of the next one
+    const { offsetWidth: wide, offsetHeight: tall } = this.readout, { clientX: x, box } = hover, { left, right, top } = this.element.getBoundingClientRect();
+    const bottom = Math.min(top + box.top + box.height, innerHeight);
+    this.readout.style.left = `${Math.max(x < (left + right) / 2 ? Math.min(x + AWAY, right - wide) : x - AWAY - wide, 0)}px`;
+    this.readout.style.top = `${Math.max(Math.min(top + box.top + 4, bottom - tall - 4), 0)}px`;
   }
 
   // ---- requests
@@ -269,16 +275,32 @@ export class Chart {
   }
   seen() { const [from, to] = this.axis(); return { from, to, follow: this.follow, span: this.span, all: !this.window }; }
 
-  showAll() {
-    this.cursors = []; this.window = null; this.follow = this.wasFollowing || this.follow; this.stale = true;
-    this.notify("window", this.seen()); this.notify("cursors", {});
+  // zoom axes of a pane that it does not share: `range`, `domain`
+  zoomPane(index, axes) {
+    if (Object.values(axes).some(([low, high]) => !(high > low))) return;
+    Object.assign(this.panes[index], axes);
+    this.redraw();
+    clearTimeout(this.rangeTimer);
+    this.rangeTimer = setTimeout(() => this.notifyRange(index), 150);
+  }
+  notifyRange(index) { const { range, domain } = this.panes[index] || {}; this.notify("range", { pane: index, range, domain }); }
+
+  // show all, in all panes along the time, in one of them along its own axes
+  showAll(index) {
+    const pane = this.panes[index];
+    this.window = null; this.follow = this.wasFollowing || this.follow; this.stale = true;
+    if (pane && (pane.range !== pane.home || pane.domain)) { Object.assign(pane, { range: pane.home, domain: undefined }); this.notifyRange(index); }
+    this.redraw();
+    this.notify("window", this.seen());
   }
 
   placeCursor(x, second) {
-    if (second && this.cursors.length) this.cursors = [this.cursors[0], x];
-    else this.cursors = this.cursors.length === 2 ? [] : [...this.cursors, x];
+    if (x === null) return;
+    const nearer = this.cursors.length < 2 ? this.cursors.length : +(Math.abs(this.cursors[1] - x) <= Math.abs(this.cursors[0] - x));
+    this.cursors = Object.assign([...this.cursors], { [second && this.cursors.length ? 1 : nearer]: x });
     this.notifyCursors();
   }
+  removeCursor(index) { this.cursors = this.cursors.filter((_, k) => k !== index); this.notifyCursors(); }
   notifyCursors() { const [a, b] = this.cursors; this.redraw(false); this.notify("cursors", { a, b }); }
 }
 

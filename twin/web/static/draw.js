@@ -38,8 +38,8 @@ export function force(svg, x, y, width, band, most = 0.6, label = "contact force
   make(svg, "rect", { x, y, width, height: 14, rx: 3, class: "track" });
   make(svg, "rect", { x: at(band[0]), y, width: at(band[1]) - at(band[0]), height: 14, class: "band" });
   const bar = make(svg, "rect", { x, y: y + 3, width: 0, height: 8, rx: 2, class: "bar" });
-  for (const edge of new Set([0, ...band, most])) make(svg, "text", { x: at(edge), y: y + 27, class: "small middle edge" }, String(edge));
-  const right = x > 500; // its letters are larger on a narrow page, and must not leave the picture
+  const right = x > 500; // letters are larger on a narrow page, and must not leave the picture
+  for (const edge of new Set([0, ...band, most])) make(svg, "text", { x: at(edge), y: y + 27, class: `small ${right && edge === most ? "end" : "middle"} edge` }, String(edge));
   const text = make(svg, "text", { x: right ? x + width : x, y: y - 6, class: right ? "label end" : "label" }, label);
   return (value, name = label, more = "") => {
     const above = isJudged && value > band[1], inside = isJudged && value >= band[0] && value <= band[1];

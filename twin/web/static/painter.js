@@ -1,6 +1,6 @@
 // Drawing of a chart on its canvas: frames, curves, bands of seeds, limits, marks, cursors.
 
-import { decades, extent, number, ticks } from "./scale.js";
+import { axis, decades, extent, nearest, number, ticks } from "./scale.js";
 
 export const LEFT = 58;   // margins [px]
 export const RIGHT = 14;
@@ -8,6 +8,7 @@ export const GAP = 10;    // between panes
 export const BOTTOM = 26; // for the numbers of an axis
 export const STRIP = 16;  // for the names of marks
 const LEVELS = 3, TALL = 80; // least ticks of a vertical axis of at least this height [px]
+const NEAR = 0.25; // of the range of the curves: band, lines and limits that are as near are inside the vertical axis
 const NOTHING = { x: [], y: [] }, FAINT = 0.35, DIMMED = 0.12, AREA = 0.2;
 
 // what stays while pointer, cursors and time move; `paintOverlays` copies it
@@ -31,7 +32,8 @@ export function paintOverlays(chart) {
     const box = chart.boxes[index];
     context.save();
     clip(chart, context, box);
-    if (!pane.own) drawOverlays(chart, context, box);
+    if (pane.own) drawInstants(chart, context, pane, box); else drawOverlays(chart, context, box);
+    drawZoom(chart, context, pane, box, index);
     drawHover(chart, context, pane, box);
     context.restore();
   });
@@ -41,18 +43,21 @@ function clip(chart, context, box) { context.beginPath(); context.rect(LEFT, box
 
 // scales of a pane: functions from values to pixels
 function fitPane(chart, pane, box, shown, more) {
-  const [from, to] = pane.own ? ownExtent(shown) : chart.axis();
-  const logX = (pane.log || "").includes("x"), logY = (pane.log || "").includes("y"), extra = [...(pane.band || []), ...(pane.lines || [])];
-  let [low, high] = extent([...shown, ...more], from, to, extra);
-  const near = (pane.limits || []).filter(({ y, failed }) => failed || (y > 2 * low - high && y < 2 * high - low)).map(({ y }) => y);
-  if (near.length) [low, high] = extent([...shown, ...more], from, to, [...extra, ...near]);
-  if (logY) [low, high] = decadeRange(shown);
-  if (pane.range) [low, high] = pane.range;
-  const width = chart.width - LEFT - RIGHT, log = Math.log10;
-  const across = logX ? (x) => LEFT + ((log(x) - log(from)) / (log(to) - log(from))) * width : (x) => LEFT + ((x - from) / (to - from)) * width;
-  const down = logY ? (y) => box.top + (1 - (log(y) - log(low)) / (log(high) - log(low))) * box.height : (y) => box.top + (1 - (y - low) / (high - low)) * box.height;
+  const [from, to] = pane.own ? pane.domain ?? ownExtent(shown) : chart.axis();
+  const logX = (pane.log || "").includes("x"), logY = (pane.log || "").includes("y");
+  const [low, high] = pane.range ?? (logY ? decadeRange(shown) : verticalRange(chart, pane, [...shown, ...more], from, to));
+  const across = axis(from, to, logX, LEFT, chart.width - LEFT - RIGHT), down = axis(high, low, logY, box.top, box.height);
   Object.assign(box, { across, down, from, to, low, high, logX, logY });
 }
+
+// The range of the visible samples, with the references that are near. A live axis has all of them: it must not jump.
+function verticalRange(chart, pane, series, from, to) {
+  const [low, high] = extent(series, from, to, []), margin = NEAR * (high - low);
+  const near = references(pane).filter(({ y, failed }) => failed || chart.follow || (y > low - margin && y < high + margin)).map(({ y }) => y);
+  return near.length ? extent(series, from, to, near) : [low, high];
+}
+
+const references = (pane) => [...(pane.band || []).map((y) => ({ y, name: "band" })), ...(pane.lines || []).map((y) => ({ y, name: "line" })), ...(pane.limits || []).map((one) => ({ ...one, name: "limit" }))];
 
 function drawPane(chart, context, pane, box, last) {
   const of = (name) => chart.data[name] || NOTHING, curves = pane.curves.map((curve) => of(curve.name));
@@ -83,6 +88,20 @@ function drawPane(chart, context, pane, box, last) {
     line(context, box.across(Math.max(one.from, box.from)), box.down(one.y), box.across(Math.min(one.to, box.to)), box.down(one.y));
   }
   context.restore();
+  drawBeyond(chart, context, pane, box);
+}
+
+// names and values of the references above and below the vertical axis, at its edges
+function drawBeyond(chart, context, pane, box) {
+  const named = new Map(references(pane).map(({ y, name }) => [y, `${name} ${number(y, 0)}`])), right = chart.width - RIGHT - 4;
+  const write = (isBeyond, arrow, baseline, at) => {
+    const texts = [...named].filter(([y]) => isBeyond(y)).sort(([a], [b]) => a - b).map(([, text]) => text);
+    context.textBaseline = baseline;
+    if (texts.length) context.fillText(`${texts.join(", ")} ${arrow}`, right, at);
+  };
+  context.fillStyle = chart.colors.accent; context.textAlign = "right";
+  write((y) => y > box.high, "\u2191", "top", box.top + 3);
+  write((y) => y < box.low, "\u2193", "bottom", box.top + box.height - 3);
 }
 
 function drawFrame(chart, context, pane, box, last) {
@@ -96,7 +115,8 @@ function drawFrame(chart, context, pane, box, last) {
   context.fill(); // once: spans of many cases hide no curve
   if (pane.band) {
     context.fillStyle = colors.band;
-    context.fillRect(LEFT, box.down(pane.band[1]), width, box.down(pane.band[0]) - box.down(pane.band[1]));
+    const [above, below] = [pane.band[1], pane.band[0]].map((y) => Math.min(Math.max(box.down(y), box.top), bottom));
+    context.fillRect(LEFT, above, width, below - above);
   }
   context.strokeStyle = colors.grid; context.fillStyle = colors.text; context.lineWidth = 1;
   const rows = box.logY ? decades(box.low, box.high) : levels(box);
@@ -108,7 +128,7 @@ function drawFrame(chart, context, pane, box, last) {
   }
   drawColumns(context, pane, box, width, last || pane.own);
   context.setLineDash([4, 4]); context.strokeStyle = colors.text;
-  for (const y of pane.lines || []) line(context, LEFT, box.down(y), LEFT + width, box.down(y));
+  for (const y of pane.lines || []) if (y >= box.low && y <= box.high) line(context, LEFT, box.down(y), LEFT + width, box.down(y));
   context.setLineDash([]);
 }
 
@@ -154,13 +174,38 @@ function drawOverlays(chart, context, box) {
     line(context, at, box.top, at, bottom);
     context.beginPath(); context.moveTo(at - 5, box.top); context.lineTo(at + 5, box.top); context.lineTo(at, box.top + 7); context.fill();
   }
-  const drag = chart.gesture;
-  if (drag?.kind === "zoom" && Math.abs(drag.now - drag.begin) > 4) {
-    context.fillStyle = colors.accent; context.globalAlpha = 0.18;
-    context.fillRect(drag.begin, box.top, drag.now - drag.begin, box.height);
-    context.globalAlpha = 1;
-  }
   context.font = "11px system-ui, sans-serif";
+}
+
+// what a drag zooms to: a time in all panes, a part of the vertical axis in its own
+function drawZoom(chart, context, pane, box, index) {
+  const drag = chart.gesture, { along } = drag?.kind === "zoom" ? drag : {}, isOwn = drag?.pane === index;
+  if (!along || !(isOwn || (along.across && !pane.own && !chart.panes[drag.pane].own))) return;
+  const [left, right] = along.across ? [drag.begin, drag.now] : [LEFT, chart.width - RIGHT], [top, bottom] = along.down && isOwn ? [drag.y, drag.nowY] : [box.top, box.top + box.height];
+  if (!along.across && !along.down) return;
+  context.fillStyle = chart.colors.accent; context.globalAlpha = 0.18;
+  context.fillRect(left, top, right - left, bottom - top);
+  context.globalAlpha = 1;
+}
+
+// of curves over another quantity: their points at the cursors, at the time cursor and at the time under the pointer
+function drawInstants(chart, context, pane, box) {
+  const { colors, hover } = chart, named = chart.cursors.map((time, k) => [time, colors.ink, "AB"[k]]);
+  if (chart.time !== null) named.push([chart.time, colors.accent, ""]);
+  if (hover && hover.at !== null && chart.panes[hover.pane] !== pane) named.push([hover.at, null, ""]);
+  context.textBaseline = "bottom"; context.textAlign = "left"; context.lineWidth = 2;
+  for (const [time, color, letter] of named) {
+    pane.curves.forEach((curve, c) => {
+      const { t } = chart.data[curve.name] || {}, k = t && !chart.dimmed.has(curve.name) ? nearest(t, time) : -1;
+      if (k < 0 || time < t[0] || time > t[t.length - 1]) return;
+      const [x, y] = [box.across(box.shown[c].x[k]), box.down(box.shown[c].y[k])];
+      context.fillStyle = colors.lines[curve.color % 8]; context.strokeStyle = color;
+      context.beginPath(); context.arc(x, y, color ? 4 : 3, 0, 7); context.fill();
+      if (color) context.stroke();
+      context.fillStyle = colors.ink;
+      if (letter) context.fillText(letter, x + 6, y - 4);
+    });
+  }
 }
 
 // a thin line at the pointer, and dots on the samples whose values are read

@@ -3,7 +3,7 @@
 import { nearest, number, readable, readableTime } from "./scale.js";
 import { LEFT, RIGHT, GAP } from "./painter.js";
 
-const NEAR = 6, FAR = 4; // [px]: to grasp a line; to be a drag rather than a click
+const NEAR = 6, FAR = 4, LONG = 20; // [px]: to grasp a line; to be a drag rather than a click; to zoom along both axes
 
 export function listenTo(chart) {
   const { canvas } = chart;
@@ -11,32 +11,48 @@ export function listenTo(chart) {
   canvas.addEventListener("pointerdown", (event) => {
     if (event.button > 1) return;
     canvas.setPointerCapture(event.pointerId);
-    const [x, y] = place(event), grasped = graspedAt(chart, x, y) || { kind: event.shiftKey || event.button === 1 ? "move" : "zoom" };
-    chart.gesture = { ...grasped, begin: x, now: x, y, axis: [...chart.axis()], weights: chart.panes.map((pane) => pane.weight || 1) };
+    const [x, y] = place(event), grasped = graspedAt(chart, x, y) || { kind: event.shiftKey || event.button === 1 ? "move" : "zoom" }, pane = paneAt(chart, y);
+    chart.gesture = { ...grasped, pane, box: chart.boxes[pane], begin: x, now: x, y, nowY: y, weights: chart.panes.map((one) => one.weight || 1) };
   });
   canvas.addEventListener("pointermove", (event) => {
     const [x, y] = place(event);
-    if (chart.gesture) { chart.gesture.now = x; GESTURES[chart.gesture.kind](chart, chart.gesture, x, y); }
+    if (chart.gesture) { Object.assign(chart.gesture, { now: x, nowY: y }); GESTURES[chart.gesture.kind](chart, chart.gesture, x, y); }
     canvas.style.cursor = SHAPES[(chart.gesture || graspedAt(chart, x, y))?.kind] || "";
     chart.setHover(chart.gesture?.kind === "zoom" || chart.gesture?.kind === "edge" ? null : hoverAt(chart, x, y, event));
   });
   canvas.addEventListener("pointerup", (event) => {
-    const drag = chart.gesture, far = drag && Math.abs(drag.now - drag.begin) > FAR;
+    const drag = chart.gesture;
     chart.gesture = null;
+    chart.clicked = null;
     if (!drag) return;
-    if (drag.kind === "zoom" && far) chart.zoom(...[timeAt(chart, drag.begin), timeAt(chart, drag.now)].sort((a, b) => a - b));
-    else if ((drag.kind === "zoom" || drag.kind === "move") && !far) chart.placeCursor(snapped(chart, drag.now, drag.y), event.shiftKey);
+    if (isDrag(drag)) { if (drag.kind === "zoom") zoomTo(chart, drag); } else chart.clicked = drag;
     chart.redraw();
+  });
+  // after `pointerup`; the second click of a double-click sets no cursor, and the first one is taken back
+  canvas.addEventListener("click", (event) => {
+    const drag = chart.clicked;
+    if (!drag || event.detail > 1) return;
+    chart.cursorsBefore = [...chart.cursors];
+    if (drag.kind === "cursor") chart.removeCursor(drag.index);
+    else if (drag.kind !== "edge") chart.placeCursor(snapped(chart, drag.now, drag.y), event.shiftKey);
   });
   canvas.addEventListener("pointercancel", () => { chart.gesture = null; chart.redraw(false); });
   canvas.addEventListener("pointerleave", () => chart.setHover(null));
   canvas.addEventListener("wheel", (event) => {
     event.preventDefault();
-    const factor = Math.pow(1.0015, event.deltaY), [from, to] = chart.axis(), at = timeAt(chart, place(event)[0]);
-    if (chart.follow) { chart.span = Math.min(Math.max(chart.span * factor, 0.05), 3600); chart.notify("window", chart.seen()); return; }
-    chart.zoom(at - (at - from) * factor, at + (to - at) * factor);
+    const factor = Math.pow(1.0015, event.deltaY), [x, y] = place(event), index = paneAt(chart, y), box = chart.boxes[index];
+    if (!box?.across) return;
+    const about = (scale, ends, at) => ends.map((end) => scale.inverse(at + (scale(end) - at) * factor)), isOwn = chart.panes[index].own;
+    const range = { range: about(box.down, [box.low, box.high], y) }, across = about(box.across, [box.from, box.to], x);
+    if (x < LEFT) chart.zoomPane(index, range);
+    else if (isOwn) chart.zoomPane(index, { domain: across, ...(y <= box.top + box.height ? range : {}) });
+    else if (chart.follow) { chart.span = Math.min(Math.max(chart.span * factor, 0.05), 3600); chart.notify("window", chart.seen()); }
+    else chart.zoom(...across);
   }, { passive: false });
-  canvas.addEventListener("dblclick", () => chart.showAll());
+  canvas.addEventListener("dblclick", (event) => {
+    if (chart.cursorsBefore) { chart.cursors = chart.cursorsBefore; chart.notifyCursors(); }
+    chart.showAll(paneAt(chart, place(event)[1]));
+  });
   chart.element.addEventListener("dragover", (event) => event.preventDefault());
   chart.element.addEventListener("drop", (event) => {
     event.preventDefault();
@@ -47,15 +63,33 @@ export function listenTo(chart) {
 
 const SHAPES = { cursor: "ew-resize", time: "ew-resize", edge: "row-resize", move: "grabbing" };
 
+const isDrag = ({ begin, now, y, nowY }) => Math.max(Math.abs(now - begin), Math.abs(nowY - y)) > FAR;
+
+// along which axes a drag zooms: along both if it is long in both
+function axesOf(drag) {
+  const wide = Math.abs(drag.now - drag.begin), tall = Math.abs(drag.nowY - drag.y);
+  return { across: wide > FAR && (wide >= LONG || wide >= tall), down: tall > FAR && tall > wide / 4 && (tall >= LONG || tall > wide) };
+}
+
+function zoomTo(chart, { begin, now, y, nowY, pane, box, along }) {
+  if (!box?.across) return;
+  const sorted = (scale, ...ends) => ends.map(scale.inverse).sort((a, b) => a - b), isOwn = chart.panes[pane].own, across = along.across && sorted(box.across, begin, now);
+  const inside = (at) => Math.min(Math.max(at, box.top), box.top + box.height);
+  if (across && !isOwn) chart.zoom(...across);
+  if (along.down || (across && isOwn)) chart.zoomPane(pane, { ...(across && isOwn ? { domain: across } : {}), ...(along.down ? { range: sorted(box.down, inside(y), inside(nowY)) } : {}) });
+}
+
 const GESTURES = {
-  zoom(chart) { chart.redraw(false); },
+  zoom(chart, drag) { drag.along = axesOf(drag); chart.redraw(false); },
   move(chart, drag) {
-    if (Math.abs(drag.now - drag.begin) <= FAR) return;
-    const [from, to] = drag.axis, by = ((drag.begin - drag.now) / (chart.width - LEFT - RIGHT)) * (to - from);
-    chart.zoom(from + by, to + by);
+    const { box, pane } = drag, own = chart.panes[pane];
+    if (!box?.across || !isDrag(drag)) return;
+    const moved = (scale, ends, by) => ends.map((end) => scale.inverse(scale(end) - by)), across = moved(box.across, [box.from, box.to], drag.now - drag.begin);
+    if (!own.own) chart.zoom(...across);
+    if (own.own || own.range) chart.zoomPane(pane, { ...(own.own ? { domain: across } : {}), range: moved(box.down, [box.low, box.high], drag.nowY - drag.y) });
   },
-  cursor(chart, drag, x, y) {
-    chart.cursors = chart.cursors.map((one, k) => (k === drag.index ? snapped(chart, x, y) : one));
+  cursor(chart, drag, x) {
+    chart.cursors = chart.cursors.map((one, k) => (k === drag.index ? snapped(chart, x, drag.y) : one));
     chart.notifyCursors();
   },
   time(chart, _, x) {
@@ -97,10 +131,11 @@ function samplesAt(chart, index, x, y) {
   return found.sort((a, b) => a.far - b.far);
 }
 
-// the time of the sample nearest to a place; of the place itself where nothing is drawn, before the first sample or after the last
+// the time of the sample nearest to a place; of the place itself where nothing is drawn, before the first sample or after the last; null: of a spectrum
 function snapped(chart, x, y) {
   const index = paneAt(chart, y), pane = chart.panes[index], time = timeAt(chart, x);
-  const [first] = pane && !pane.own ? samplesAt(chart, index, x, y) : [];
+  const [first] = pane ? samplesAt(chart, index, x, y) : [];
+  if (pane?.own) return (first && chart.data[pane.curves[first.curve].name].t?.[first.k]) ?? null;
   if (!first) return time;
   const times = chart.data[pane.curves[first.curve].name].x, inside = times[0] <= time && time <= times[times.length - 1];
   return inside || first.far <= NEAR ? times[first.k] : time;
@@ -109,10 +144,15 @@ function snapped(chart, x, y) {
 function hoverAt(chart, x, y, event) {
   const index = paneAt(chart, y), box = chart.boxes[index];
   if (!box?.across || y < box.top || y > box.top + box.height || x < LEFT || x > chart.width - RIGHT) return null;
-  const pane = chart.panes[index], found = samplesAt(chart, index, x, y), samples = pane.own && !box.logX ? found.slice(0, 1) : found;
-  if (!samples.length) return null;
-  const first = samples[0], at = chart.data[pane.curves[first.curve].name].x[first.k];
-  return { pane: index, clientX: event.clientX, clientY: event.clientY, at: pane.own ? null : at, samples: samples.sort((a, b) => a.curve - b.curve), title: titleOf(pane, box, at) + (pane.own ? "" : spreadOf(chart, pane, box, at, samples)), notes: pane.own ? [] : notesAt(pane, at),
+  const pane = chart.panes[index], found = samplesAt(chart, index, x, y);
+  if (!found.length) return null;
+  const first = found[0], data = chart.data[pane.curves[first.curve].name], at = data.x[first.k], time = pane.own ? data.t?.[first.k] ?? null : at;
+  const samples = !pane.own || box.logX ? found : time === null ? [first] : found.flatMap(({ curve }) => {  // of loops over time: all curves at the time of the nearest point
+    const { t } = chart.data[pane.curves[curve].name];
+    return time < t[0] || time > t[t.length - 1] ? [] : [{ curve, k: nearest(t, time) }];
+  });
+  const title = pane.own ? (time === null ? titleOf(pane, box, at) : `${readableTime(time, ...chart.axis())} s`) : titleOf(pane, box, at) + spreadOf(chart, pane, box, at, samples);
+  return { pane: index, box, x, clientX: event.clientX, at: time, samples: samples.sort((a, b) => a.curve - b.curve), title, notes: pane.own ? [] : notesAt(pane, at),
            rows: samples.map(({ curve, k }) => rowOf(chart, pane, box, pane.curves[curve], k)) };
 }
 
@@ -137,8 +177,8 @@ function spreadOf(chart, pane, box, at, samples) {
 function rowOf(chart, pane, box, curve, k) {
   const value = (data, index) => (box.logY ? number(data.y[index], 0) : readable(data.y[index], box.low, box.high));
   const own = chart.data[curve.name], [low, high] = [chart.data[curve.low], chart.data[curve.high]];
-  const band = low?.x.length && high?.x.length ? ` (${value(low, extremeAt(low, own.x[k], box, -1))} to ${value(high, extremeAt(high, own.x[k], box, 1))})` : "";
-  return { color: curve.color, dash: curve.dash, opacity: curve.opacity, label: curve.label || curve.name, text: `${value(own, k)} ${pane.unit || ""}${band}` };
+  const over = own.t ? ` over ${readable(own.x[k], box.from, box.to)} ${(pane.x?.unit || "").replace(/[[\]]/g, "")}` : "", band = low?.x.length && high?.x.length ? ` (${value(low, extremeAt(low, own.x[k], box, -1))} to ${value(high, extremeAt(high, own.x[k], box, 1))})` : "";
+  return { color: curve.color, dash: curve.dash, opacity: curve.opacity, label: curve.short || curve.label || curve.name, text: `${value(own, k)} ${pane.unit || ""}${over}${band}` };
 }
 
 // index of the lowest (-1) or highest (1) of the samples that are drawn on the pixel of an x

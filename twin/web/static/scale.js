@@ -42,6 +42,12 @@ export const readable = (value, low, high, parts = 1000, finest = 1e-5) =>
   number(value, high > low ? Math.max((high - low) / parts, finest * Math.max(Math.abs(low), Math.abs(high))) : 0);
 export const readableTime = (time, from, to) => readable(time, from, to, 10000, 0);
 
+// positions [px] of the values of an axis that begins at `start`; `inverse`: the values of positions
+export function axis(begin, end, isLog, start, length) {
+  const [of, back] = isLog ? [Math.log10, (exponent) => 10 ** exponent] : [(value) => value, (value) => value], low = of(begin), span = of(end) - low;
+  return Object.assign((value) => start + ((of(value) - low) / span) * length, { inverse: (at) => back(low + ((at - start) / length) * span) });
+}
+
 // extent of the visible values, with a margin, never empty
 export function extent(series, from, to, extra) {
   let low = Infinity, high = -Infinity;
@@ -81,13 +87,11 @@ export function decodeArrays(buffer) {
   return { header, numbers: new Float64Array(buffer, 8 + Math.ceil(length / 8) * 8) };
 }
 
-// Curves of the server: x and y of each.
+// Curves of the server: x and y of each, and `t` of those that are `timed`.
 export function decode(buffer) {
   const { header, numbers } = decodeArrays(buffer);
   let place = 0;
-  header.curves = header.counts.map((count) => {
-    place += 2 * count;
-    return { x: numbers.subarray(place - 2 * count, place - count), y: numbers.subarray(place - count, place) };
-  });
+  const take = (count) => numbers.subarray(place, (place += count));
+  header.curves = header.counts.map((count, k) => ({ x: take(count), y: take(count), ...(header.timed?.[k] ? { t: take(count) } : {}) }));
   return header;
 }

@@ -8,6 +8,7 @@ const VALVE = 612, END = 800, OUT = 186;  // begin and end of the sheath, height
 const SHEATH = `M${VALVE} ${LINE} H705 A45 45 0 0 1 750 ${LINE + 45} A45 45 0 0 0 795 ${LINE + 90} H${END}`;
 const DRAWN = [93, 70.7, 75.7];  // lengths of its straight part and bends as drawn
 const LENS = 20, SEEN = 4;    // [px/mm] of the magnified scale of a carriage, and [mm] to both sides of its middle
+const NEAR_LENS = 8;          // [mm] beyond which a carriage would cover the scale on that side
 const STILL = 5e-5;           // speed that is no motion [m/s]
 const SECTIONS = [0.343, 0.0785, 0.0785];
 const TIP = 3000, TOUCH = 900;   // [px/m] at the wall; where it is at rest
@@ -137,12 +138,13 @@ function lens(svg, center) {
   const hand = make(group, "line", { y1: y - 22, y2: y, class: "hand" });
   const numbers = [-SEEN, 0, SEEN].map((mm) => [mm, make(group, "text", { x: mm * LENS, y: y + 17, class: "small middle rail-number" })]);
   make(group, "text", { x: 0, y: y - 32, class: "small middle" }, `${(1000 * LENS) / MM} \u00d7`);
-  let middle = 0;
+  let middle = 0, side = 160;
   return (position) => {
     const mm = 1000 * position;
     if (Math.abs(mm - middle) > SEEN) middle = Math.round(mm);
     set(hand, { x1: (mm - middle) * LENS, x2: (mm - middle) * LENS });
-    set(group, { transform: `translate(${center + (mm > 0 ? -170 : 160)} 0)` });
+    if (Math.abs(mm) > NEAR_LENS) side = mm > 0 ? -170 : 160;
+    set(group, { transform: `translate(${center + side} 0)` });
     for (const [offset, text] of numbers) say(text, `${middle + offset}${offset === SEEN ? " mm" : ""}`);
   };
 }
