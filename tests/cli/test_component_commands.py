@@ -134,7 +134,7 @@ def test_checks_of_all_components(checked, calls):
     assert done.exception is None
     assert done.stdout.splitlines()[-2:] == [
         "Checked: source, units, texts; all forms agree with expected.csv to the bit.",
-        "Physics is not judged: write a scenario with expectations (`expect:`).",
+        "Physics is not judged: write a scenario with requirements (`expect:`).",
     ]
 
 

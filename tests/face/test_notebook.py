@@ -58,7 +58,7 @@ def test_a_quantity_has_one_unit_in_data_and_in_the_table():
     }
     table = arrays.metrics({"metrics": metrics})
     assert table[["value", "unit", "paper"]].values.tolist()[0] == [68.75, "mN", 78.2]
-    assert table.ratio[0] == 0.06875 / 0.0782
+    assert table.ratio[0] == pytest.approx(0.06875 / 0.0782, rel=1e-12)
     assert "error [mN]" in notebook.verdicts({"metrics": metrics})
 
 

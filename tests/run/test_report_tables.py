@@ -18,7 +18,7 @@ def figure(*violations, panels=(), points=0):
 
 
 def test_failures_lead_to_the_first_plot_that_shows_them(monkeypatch):
-    """Else to the table of expectations; metrics beside their reference to that of figures."""
+    """Else to none; metrics beside their reference to the table of figures."""
     results = [
         SimpleNamespace(name=name, verdict=verdict)
         for name, verdict in (("a", "fail"), ("fine", "pass"), ("b", "fail"), ("c", "fail"), ("odd", "skipped"))
@@ -30,7 +30,7 @@ def test_failures_lead_to_the_first_plot_that_shows_them(monkeypatch):
     assert found == [
         ("line a", "plot-2"),
         ("line b", "plot-2"),
-        ("line c", "expectations"),
+        ("line c", ""),
         ("a metric", "figures"),
         ("another", "figures"),
     ]

@@ -219,9 +219,9 @@ def test_a_matrix_has_metrics_with_a_reference_before_others() -> None:
 
 def test_lines_of_failures() -> None:
     evaluation, _ = two_variants()
-    assert report.list_failures(evaluation) == [
-        ("small", "60 mN, expected at most 40 mN; FF."),
-        ("last, FF", "60 mN; the paper: 50 mN ± 10 %"),
+    assert [(one.name, one.detail, one.more) for one in report.list_failures(evaluation)] == [
+        ("small", "60 mN, expected at most 40 mN; FF.", "mean is 60 mN in FF, seed 1."),
+        ("last, FF", "60 mN, the paper: 50 mN ± 10 %.", ""),
     ]
     rows = {row["metric"] + row["variant"]: row for row in report.metric_rows(evaluation.metric_results)}
     assert rows["lastFF"] == {

@@ -17,7 +17,7 @@ from hw_bridge import eds
 from hw_bridge.bridge.entry import load
 from hw_bridge.bus import MILLISECOND, Disturbance, Kind, never
 from hw_bridge.command.control import Control, request
-from hw_bridge.command.hil import differences
+from hw_bridge.command.hil import compare_bus
 from hw_bridge.device import Module
 from hw_bridge.fault import Cause, Fault
 from hw_bridge.hardware import file as hardware
@@ -315,7 +315,7 @@ def test_the_scenario_has_to_fit(tmp_path):
 def test_check_tells_another_device(tmp_path, build, monkeypatch):
     path = tmp_path / "bench.yaml"
     path.write_text(FORCE.replace("node: 9, ", "node: 9, product: 7, "))
-    assert differences(hardware.load(path), build) == [
+    assert compare_bus(hardware.load(path), build).problems == [
         "valves: node 9: product code is 191h, expected 7h. Correct the hardware file or the wiring."
     ]
     begin = Module.__init__
@@ -325,7 +325,7 @@ def test_check_tells_another_device(tmp_path, build, monkeypatch):
         self.dictionary.put(0x1000, 0x00010191)
 
     monkeypatch.setattr(Module, "__init__", other)
-    (text,) = differences(hardware.load(path), build)
+    (text,) = compare_bus(hardware.load(path), build).problems
     assert text == "valves: node 9 is no module with digital outputs: 1000h is 00010191h. Check the node-ID."
 
 
