@@ -147,8 +147,8 @@ def test_estimates(capsys, monkeypatch):
 
 def study_outcome():
     """Outcome and answers of a study with each kind of result."""
-    mark = SimpleNamespace(factor="rate", separation=0.5)
-    low = SimpleNamespace(factor="noise", separation=-0.5)
+    mark = SimpleNamespace(factor="rate", side="high")
+    low = SimpleNamespace(factor="noise", side="low")
     answers = SimpleNamespace(
         changes=[],
         failed=2,

@@ -177,6 +177,18 @@ def test_intervals_of_eight_ranks_stay_within_one():
     assert rank_correlation("rate", values, values).first_interval == (pytest.approx(0.81, abs=0.02), 1.0)
 
 
+def test_a_metric_that_grows_to_both_sides_is_driven_by_the_distance_from_the_median():
+    """Its rank correlation with the factor is almost zero; two tests halve the level."""
+    values = np.linspace(-1.0, 1.2, 30)
+    effect = sensitivity.stronger_correlation("friction", values, values**2, 0.95, 1)
+    assert (effect.label, effect.is_from_median) == ("friction, distance from median", True)
+    assert effect.first > 0.9
+    assert effect.p_value < 1e-6
+    slope = sensitivity.stronger_correlation("friction", values, values, 0.95, 1)
+    assert (slope.label, slope.first) == ("friction", pytest.approx(1.0))
+    assert slope.p_value == 2 * rank_correlation("friction", values, values).p_value
+
+
 def test_holms_method_accepts_few_of_many_tests():
     assert largest_p_value([0.04]) == 0.04
     assert largest_p_value([0.04, 0.03]) == -1.0
@@ -203,7 +215,8 @@ def test_what_drives_a_metric_is_told_from_eight_samples(tmp_path, count, is_tol
     if found:
         assert (found.metric, found.variant, found.kind, found.note) == ("force_max", "plain", "rank", "")
         expected = {
-            one.name: repr(rank_correlation(one.name, inputs[:, k], output[:-1])) for k, one in enumerate(study.factors)
+            one.name: repr(sensitivity.stronger_correlation(one.name, inputs[:, k], output[:-1], 0.95, 1))
+            for k, one in enumerate(study.factors)
         }
         assert {
             one.factor: repr(one) for one in found.effects
@@ -245,7 +258,13 @@ def test_factors_by_which_cases_differ():
     found = discriminating_factors(study, values, inside, list(range(10)))
     assert [(one.factor, one.inside, one.outside) for one in found] == [("b", 8.0, 3.0), ("a", 5.0, 6.0)]
     assert [one.separation for one in found] == pytest.approx([0.5, -0.1])
-    assert [one.p_value for one in found] == pytest.approx([2 / 252, 0.69], abs=0.01)  # exact: 2 of 252 orders
+    assert [one.p_value for one in found] == pytest.approx([4 / 252, 1.0], abs=0.01)  # 2 of 252 orders, two tests
+    study.factors = [SimpleNamespace(name="u")]
+    (both_ends,) = discriminating_factors(
+        study, np.array([[1, 2, 3, 18, 19, 20, *range(4, 18)]], float).T, list(range(6)), list(range(20))
+    )
+    assert (both_ends.side, both_ends.separation) == ("far from its median", 0.5)
+    assert both_ends.p_value < 0.01
     assert discriminating_factors(study, values, inside[:4], list(range(10))) == ()
     assert discriminating_factors(study, values, inside, list(range(9))) == ()
 

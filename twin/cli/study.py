@@ -197,7 +197,7 @@ def show(outcome: StudyOutcome, answers: Answers) -> int | None:
     for cluster in answers.clusters[:MAX_FAILURES]:
         if not named.isdisjoint(cluster.cases) and not cluster.factors:
             continue  # a sentence says the same
-        factors = ", ".join(f"{mark.factor} {'high' if mark.separation > 0 else 'low'}" for mark in cluster.factors)
+        factors = ", ".join(f"{mark.factor} {mark.side}" for mark in cluster.factors)
         number = len(cluster.cases)
         console.print(
             f"fails: {cluster.what} ({cluster.variant}): {number} case{'s' * (number > 1)}{f', {factors}' if factors else ''}, "

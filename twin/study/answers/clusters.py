@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import stats
 
+from twin.study.answers.sensitivity import distance_from_median
 from twin.study.answers.statistics import largest_p_value
 from twin.study.design import SAMPLED
 from twin.study.execution.case_engine import DONE
@@ -26,7 +27,7 @@ FEWEST = 5  # cases from which one can tell what they have in common
 class DiscriminatingFactor:
     """A factor by which cases of a cluster differ: how well it separates (-0.5 to 0.5), medians inside and outside.
 
-    `p_value`: of no difference (Mann and Whitney).
+    `p_value`: of no difference (Mann and Whitney), of the value or of its distance from the median (`is_from_median`).
     """
 
     factor: str
@@ -34,6 +35,13 @@ class DiscriminatingFactor:
     inside: float
     outside: float
     p_value: float
+    is_from_median: bool = False
+
+    @property
+    def side(self) -> str:
+        """Where the factor is in these cases: `high`, `low`, `far from its median` or `near its median`."""
+        sides = ("near its median", "far from its median") if self.is_from_median else ("low", "high")
+        return sides[self.separation > 0]
 
 
 @dataclass(frozen=True)
@@ -83,7 +91,10 @@ def clusters(cases: CaseTable) -> list[FailureCluster]:
 def discriminating_factors(
     study: Any, values: Array, case_indices: list[int], own: list[int]
 ) -> tuple[DiscriminatingFactor, ...]:
-    """Factors by how much they differ between some cases and all others: how often one of them is above one of the others."""
+    """Factors by how much they differ between some cases and all others: how often one of them is above one of the others.
+
+    The better one of two tests counts, of the factor and of its distance from the median (Bonferroni).
+    """
     inside = np.array(case_indices)
     outside = np.array(sorted(set(own) - set(case_indices)), int)
     if len(inside) < FEWEST or len(outside) < FEWEST:
@@ -93,8 +104,10 @@ def discriminating_factors(
         a, b = values[inside, k], values[outside, k]
         if not (np.isfinite(a).all() and np.isfinite(b).all()):
             continue
-        test = stats.mannwhitneyu(a, b)
-        above = float(test.statistic) / (len(a) * len(b)) - 0.5
-        medians = float(np.median(a)), float(np.median(b))
-        factors.append(DiscriminatingFactor(factor.name, above, *medians, float(test.pvalue)))
+        medians, distance = (float(np.median(a)), float(np.median(b))), distance_from_median(np.concatenate((a, b)))
+        tests = [stats.mannwhitneyu(a, b), stats.mannwhitneyu(distance[: len(a)], distance[len(a) :])]
+        is_from_median = bool(tests[1].pvalue < tests[0].pvalue)
+        test = tests[is_from_median]
+        above, p_value = float(test.statistic) / (len(a) * len(b)) - 0.5, min(1.0, 2 * float(test.pvalue))
+        factors.append(DiscriminatingFactor(factor.name, above, *medians, p_value, is_from_median))
     return tuple(sorted(factors, key=lambda factor: -abs(factor.separation)))

@@ -52,7 +52,8 @@ EFFECT_NOTES = {
     "sobol": "Sobol index: share of the metric's variance that a factor explains, alone (first order) or with its interactions "
     "(total). Indices below 0 or above 1 come from too few samples.",
     "morris": "Mean absolute effect: by how much the metric changes, on average, over the whole range of a factor.",
-    "rank": "Rank correlation (Spearman): 1 where the metric always grows with the factor, -1 where it always falls, 0 for no trend.",
+    "rank": "Rank correlation (Spearman): 1 where the metric always grows with the factor, -1 where it always falls, 0 for no trend. "
+    "With `distance from median`: of how far the factor is from its median to either side, where that correlates more.",
 }
 
 

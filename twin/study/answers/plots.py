@@ -230,7 +230,7 @@ def expected(study: Study, variant: str, name: str, time: Array) -> list[tuple[f
 
 def effects(metric_sensitivity: MetricSensitivity, unit: str) -> str:
     """Bars of what drives a metric, with their intervals; `unit`: the metric's."""
-    names = [effect.factor for effect in metric_sensitivity.effects]
+    names = [effect.label.replace(", ", ",\n") for effect in metric_sensitivity.effects]
     kinds = {
         "sobol": [("alone (first order)", "first"), ("with interactions (total)", "total")],
         "morris": [("", "first")],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,6 +34,12 @@ class Effect:
     total: float = float("nan")
     total_interval: tuple[float, float] = NO_INTERVAL
     p_value: float = float("nan")
+    is_from_median: bool = False  # of the factor's distance from its median instead of its value: both ends act alike
+
+    @property
+    def label(self) -> str:
+        """The factor, and that its distance from the median counts."""
+        return f"{self.factor}{', distance from median' * self.is_from_median}"
 
 
 @dataclass(frozen=True)
@@ -93,7 +99,7 @@ def metric_sensitivity(
         return MetricSensitivity(metric, variant, *(sobol if kind == "sensitivity" else morris)(study, output), note)
     seeds = len(study.seeds(1))
     effects = [
-        rank_correlation(factor.name, inputs[good, k], output[good], study.keys.confidence, seeds)
+        stronger_correlation(factor.name, inputs[good, k], output[good], study.keys.confidence, seeds)
         for k, factor in enumerate(study.factors)
     ]
     return MetricSensitivity(metric, variant, "rank", by_size(effects))
@@ -107,6 +113,24 @@ def by_size(effects: list[Effect]) -> tuple[Effect, ...]:
 def half_width(confidence: float) -> float:
     """Return half the width of a two-sided interval of a normal distribution, in standard deviations."""
     return float(stats.norm.ppf((1 + confidence) / 2))
+
+
+def distance_from_median(values: Array) -> Array:
+    """Distance of each value's rank from the middle rank."""
+    return np.abs(stats.rankdata(values) - (len(values) + 1) / 2)
+
+
+def stronger_correlation(name: str, values: Array, output: Array, confidence: float, seeds: int) -> Effect:
+    """The stronger one of the rank correlations with a factor and with its distance from the median; two tests (Bonferroni).
+
+    A rank correlation alone misses a metric that grows to both sides.
+    """
+    effects = [
+        rank_correlation(name, values, output, confidence, seeds),
+        replace(rank_correlation(name, distance_from_median(values), output, confidence, seeds), is_from_median=True),
+    ]
+    strongest = max(effects, key=lambda effect: abs(effect.first))
+    return replace(strongest, p_value=min(1.0, 2 * strongest.p_value))
 
 
 def rank_correlation(name: str, values: Array, output: Array, confidence: float = 0.95, seeds: int = 1) -> Effect:

@@ -237,7 +237,7 @@ def cause_sentences(answers: Answers) -> list[Sentence]:
         effects = [effect for effect in driver.effects if effect.p_value <= largest][:MAX_FACTORS]
         if effects:
             start = CAUSES[driver.kind][len(effects) > 1].format(what)
-            names = " and ".join(f"{effect.factor} ({effect_text(answers, driver, effect)})" for effect in effects)
+            names = " and ".join(f"{effect.label} ({effect_text(answers, driver, effect)})" for effect in effects)
             sentences.append(sentence(f"{start} {names}."))
         elif (driver.metric, driver.variant) in missed and driver.variant not in separated:
             unexplained.append(sentence(f"{what} fails in some cases; no factor's effect on it differs from chance."))
