@@ -309,15 +309,25 @@ def test_costs_of_members() -> None:
     assert CostProfile((), 2.0, 1.0, 0.0, 0).real_time_factor == 0.5
 
 
-def test_an_area_of_seeds_contains_them_all() -> None:
-    time = np.arange(6.0)
-    seeds = [(time, np.array([0.0, 5, 1, 1, 1, 2])), (np.array([0.0, 5.0]), np.array([3.0, 0.5]))]
-    (times, low), (_, high) = report_curves.seed_area(time, seeds, 3)
-    assert times.tolist() == [0.0, 2.0, 4.0]
-    assert low.tolist() == [0.0, 1.0, 0.5]
-    assert high.tolist() == [5.0, 2.0, 2.0]
-    (times, _), _ = report_curves.seed_area(time, seeds[:1], 100)
-    assert times.tolist() == time.tolist()
+def test_the_range_of_seeds_contains_them_at_each_sample_shown() -> None:
+    """Also between the samples that are left of steep curves: all are read at the same times."""
+    time = np.linspace(0.0, 10.0, 20_001)
+    values = [np.sin(9.0 * time) + offset * np.cos(40.0 * time) for offset in (0.0, 0.01, -0.02)]
+    found = report_curves.seed_range(time, [(time, y) for y in values])
+    samples = report_curves.extreme_samples([values[0], found["low"], found["high"]], 400)
+    assert len(samples) <= 400
+    assert (samples[0], samples[-1]) == (0, 20_000)
+    low, line, high = (np.interp(time, time[samples], y[samples]) for y in (found["low"], values[0], found["high"]))
+    assert np.all((low <= line) & (line <= high))
+    assert np.max(high[samples] - low[samples]) <= 0.0301  # no wider than the seeds are at one time
+    assert (line.min(), line.max()) == (values[0].min(), values[0].max())  # no peak is lost
+    shorter = report_curves.seed_range(
+        np.arange(6.0), [(np.arange(6.0), np.zeros(6)), (np.array([0.0, 5.0]), np.array([3.0, 0.5]))]
+    )
+    assert shorter["high"].tolist() == [3.0, 2.5, 2.0, 1.5, 1.0, 0.5]
+    gaps = np.where(np.arange(1_000) % 10 == 0, np.nan, 1.0)
+    assert np.isfinite(gaps[report_curves.extreme_samples([gaps], 100)[1:-1]]).all()
+    assert report_curves.extreme_samples([gaps[:5]], 100).tolist() == [0, 1, 2, 3, 4]
 
 
 @pytest.mark.parametrize("span", [65536.0, 1e-3, 7.0])

@@ -180,6 +180,8 @@ class Run:
         Also an expression, such as `sensor.force - wall.force`; a list of variables or a pattern, such as `sensor.*`, as a
         Dataset. Variants that did not record it are omitted.
         """
+        if not self.variants:
+            raise TwinError(f"{self.folder}: no case has run, so there are no signals. {self.reason}".rstrip())
         if isinstance(name, list) or (isinstance(name, str) and self._names_of(name, self) != [name]):
             variables = self._matching([name])
             return arrays.dataset(variables, read_variables(self._signals, variables), self.variants, self.seeds)

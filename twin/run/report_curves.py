@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 MAX_POINTS = 4000  # of a curve: a screen has about 1000 pixels for it, so it can be zoomed to a quarter of its length
 MIN_POINTS = 400  # of a curve, however many there are
-MAX_VALUES = 250_000  # of all curves of a report: about 1 MB
+MAX_VALUES = 400_000  # of all curves of a report, with the ranges of their seeds: about 1 MB
 MAX_PANES = 6  # below each other
 MARGIN = 0.06  # of a range
 DASHES: tuple[list[int], ...] = ([], [6, 3], [2, 2], [8, 3, 2, 3])  # of `plotting.LINE_STYLES`
@@ -123,7 +123,7 @@ class PaneBuilder:
         """Return a curve; `recorded`: its points of each seed."""
         plot = self.plot
         label, color, style = plotting.curve_style(plot, self.names, variant, number)
-        time = recorded[0][0]
+        time = np.asarray(recorded[0][0])
         in_unit = [plotting.to_unit(y, plot.unit, dimension.is_difference(curve.signal)) for _, y in recorded]
         self.extremes += [float(bound) for y in in_unit for bound in (np.fmin.reduce(y), np.fmax.reduce(y))]
         entry: dict[str, Any] = {"label": label, "color": color, "dash": DASHES[style]}
@@ -131,11 +131,11 @@ class PaneBuilder:
             x = plotting.to_unit(time, plot.x_unit, dimension.is_difference(curve.x))
             return {**entry, "name": self.add(plotting.thin_loop(x, in_unit[0], self.points))}
         entry["step"] = bool(plotting.curve_kind(curve, self.tables))
-        entry["name"] = self.add(plotting.envelope(time, in_unit[0], self.points))
+        lines = {"name": np.asarray(in_unit[0], float)}
         if len(recorded) > 1:
-            low, high = seed_area(time, [(x, y) for (x, _), y in zip(recorded, in_unit, strict=True)], self.points // 4)
-            entry |= {"low": self.add(low), "high": self.add(high)}
-        return entry
+            lines |= seed_range(time, [(x, y) for (x, _), y in zip(recorded, in_unit, strict=True)])
+        samples = extreme_samples(list(lines.values()), self.points)
+        return entry | {name: self.add((time[samples], y[samples])) for name, y in lines.items()}
 
     def add(self, points: Points) -> str:
         """Return the name of a curve of the page: the indices of its arrays."""
@@ -180,12 +180,29 @@ def shared_range(extremes: Sequence[float], panes: Sequence[Mapping[str, Any]]) 
     return {"range": [min(values) - margin, max(values) + margin]} if margin else {}
 
 
-def seed_area(time: NDArray[Any], seeds: Sequence[Points], points: int) -> tuple[Points, Points]:
-    """Return the smallest and the largest values of all seeds, at the times of the first one."""
+def seed_range(time: NDArray[Any], seeds: Sequence[Points]) -> dict[str, NDArray[Any]]:
+    """Return the smallest and the largest values of all seeds, `low` and `high`, at the times of the first one."""
     values = np.stack([y if len(x) == len(time) else np.interp(time, x, y) for x, y in seeds]).astype(float)
-    edges = np.unique(np.linspace(0, len(time), min(points, len(time)) + 1).astype(int)[:-1])
-    low, high = (reduce.reduceat(reduce.reduce(values, axis=0), edges) for reduce in (np.fmin, np.fmax))
-    return (time[edges], low), (time[edges], high)
+    return {"low": np.fmin.reduce(values), "high": np.fmax.reduce(values)}
+
+
+def extreme_samples(lines: Sequence[NDArray[Any]], points: int) -> NDArray[np.intp]:
+    """Return indices of at most `points` samples that keep the extremes of each part of each line.
+
+    All lines are read at the same samples, so that what lies between two others stays there.
+    """
+    count = len(lines[0])
+    if count <= points:
+        return np.arange(count)
+    parts = max((points - 2) // (2 * len(lines)), 1)
+    size = -(-count // parts)
+    begins, picked = size * np.arange(parts), [np.array([0, count - 1])]
+    for line in lines:
+        for sign in (1.0, -1.0):
+            signed = np.where(np.isnan(line), np.inf, sign * line)  # not a number is no extreme
+            padded = np.pad(signed, (0, size * parts - count), mode="edge")
+            picked.append(begins + padded.reshape(parts, size).argmin(axis=1))
+    return np.unique(np.minimum(np.concatenate(picked), count - 1))
 
 
 def event_marks(events: Mapping[int, EventLine]) -> list[dict[str, Any]]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from twin.errors import CouplingError, ScenarioError
 from twin.identify import ValueReader, read_estimate
-from twin.results import expression
+from twin.results import dimension, expression
 from twin.run import resolve_catalogs
 from twin.scenario import (
     ScenarioSpec,
@@ -71,7 +71,10 @@ class StudyLoader(ValueReader):
         correlation = self._correlation(valid_factors)
         self._refuse_method(valid_factors, correlation)
         self._refuse_times(valid_factors)
-        bands = {name: self._expression(band.signal, "keep", "bands", name) for name, band in keys.keep.bands.items()}
+        bands = {
+            name: self._expression(band.signal, band.unit, "keep", "bands", name)
+            for name, band in keys.keep.bands.items()
+        }
         knobs, limits = self._knobs(), self._limits()
         self.stop_if_wrong()
         samples = keys.samples
@@ -287,17 +290,29 @@ class StudyLoader(ValueReader):
                 for problem in dict.fromkeys(problems):
                     self.add_problem(problem.removeprefix(f"{factor.where}: "), "vary", factor.name, "at")
 
-    def _expression(self, text: str, *path: str | int) -> Any:
+    def _expression(self, text: str, unit: str, *path: str | int) -> Any:
         try:
             parsed = expression.parse(text)
         except ScenarioError as error:
             self.add_problem(error, *path)
             return None
+        units: dict[str, str | None] = {}
         for signal in parsed.signals:
-            if signal.name.partition(".")[0] not in self.catalog:
-                self.add_problem(
-                    f"there is no member `{signal.name.partition('.')[0]}`.{nearest(signal.name, self.catalog)}", *path
-                )
+            member, _, name = signal.name.partition(".")
+            if member not in self.catalog:
+                self.add_problem(f"there is no member `{member}`.{nearest(member, self.catalog)}", *path)
+            elif name not in self.catalog[member]:
+                self.add_problem(f"`{member}` has no variable `{name}`.{nearest(name, self.catalog[member])}", *path)
+            else:
+                units[signal.name] = self.catalog[member][name].unit
+        if unit and len(units) == len(parsed.signals):
+            try:
+                measure = dimension.expression_measure(parsed, units)
+            except ScenarioError as error:
+                self.add_problem(error, *path)
+                return None
+            if not measure.is_compatible(dimension.unit_measure(unit)):
+                self.add_problem(f"{text} is in {measure.unit or 'no unit'}, which does not convert to {unit}.", *path)
         return parsed
 
     def _refuse_metrics(self, factors: list[Factor]) -> None:
