@@ -68,6 +68,14 @@ class Progress:
                 self.done[key] = time.time()
             else:
                 self.failed.add(key)
+        self._save()
+
+    def forget(self, *, scope: str = "", node: str = "", title: str = "") -> None:
+        """Take back all successes of a scope, or that of a step of a drive. Saves the file."""
+        self.done = {key: at for key, at in self.done.items() if key[0] != scope and key[1:] != (node, title)}
+        self._save()
+
+    def _save(self) -> None:
         with suppress(OSError):  # a full disk: the steps are known until the server ends
             write_atomically(self.path, json.dumps([[*key, at] for key, at in self.done.items()], indent=0))
 

@@ -43,7 +43,8 @@ HISTORY_LENGTH = 50  # commands that are listed
 END_TIMEOUT = 15.0  # of a command after Ctrl-C: its stop, and restoration of the drive [s]
 READS = frozenset({"scan", "status", "dump", "compare", "check"})  # beside a session and other programs too
 OF_A_FILE = frozenset({"check", "reset"})  # their first argument is the hardware file
-MOVES = frozenset({"enable", "home", "jog", "move", "direction", "step"})  # needs --arm for real drives, and a page
+HOME = "home"
+MOVES = frozenset({"enable", HOME, "jog", "move", "direction", "step"})  # needs --arm for real drives, and a page
 
 
 class Typed:
@@ -130,6 +131,7 @@ class Typed:
             self._read_file()
         except TwinError as error:
             self.file_problem = str(error)
+        self.progress.forget(scope=self.content)  # also if the file is again as it once was: the bus may not be
         self.watch.pause()  # its process has read the former file
         self.watch.resume()
         self.changed += 1
@@ -217,6 +219,8 @@ class Typed:
         if digest(self.file) == self.content:  # else the command may have read another file than the page shows
             result = outcome(self.word, self.done[0][2], self.text, self.motion.has_moved)
             self.progress.record(self.line, self.node, result)
+        if self.word in MOVES and self.done[0][2]:
+            self.progress.forget(node=self.node, title=HOME)  # a motion that is cut short loses the reference
         page, self._page = self._page, None
         if page is not None:
             page.end.close()

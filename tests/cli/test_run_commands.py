@@ -165,8 +165,9 @@ def differences(count, *, seeds=(1,), part=0.5):
 def compared(calls, monkeypatch):
     """Run `twin compare a b` with this result."""
 
-    def with_result(signals, *words, problems=(), notes=()):
-        opened = {name: SimpleNamespace(folder=f"folder {name}", summary=f"summary {name}") for name in "ab"}
+    def with_result(signals, *words, problems=(), notes=(), overrides=()):
+        summaries = {"a": {"overrides": []}, "b": {"overrides": list(overrides)}}
+        opened = {name: SimpleNamespace(folder=f"folder {name}", summary=summaries[name]) for name in "ab"}
         result = lambda tolerance: Comparison(tuple(signals), tuple(problems), tuple(notes), tolerance)  # noqa: E731
         replace(monkeypatch, "twin.face", open_run=lambda path: opened[str(path)])
 
@@ -186,7 +187,7 @@ def test_equal_runs(compared, calls):
     same = (Difference("x", "PI", 1, 0.0, 0.0), Difference("y", "PI", 1, 1e-12, 1e-9))
     text = "The runs agree: 2 signals, 1 equal to the bit, 1 within 1e-09."
     assert compared(same, notes=["steps differ"]) == (0, [text, "note: steps differ"])
-    assert calls == [(("folder a", "folder b"), ("summary a", "summary b"), 1e-9, (), ())]
+    assert calls == [(("folder a", "folder b"), ({"overrides": []}, {"overrides": []}), 1e-9, (), ())]
     differ = "The runs differ: 0 of 2 signals (1 equal to the bit, 1 within 1e-09)"
     assert compared(same, problems=["metric m differs"]) == (1, [f"{differ}, 1 other difference.", "metric m differs"])
     lines = compared(same, problems=[f"p{i}" for i in range(22)])[1]
@@ -194,6 +195,10 @@ def test_equal_runs(compared, calls):
     assert lines[-2:] == ["p19", "and 2 more: use --all"]
     assert compared(same, "--signal", "heart.*", "--tolerance", "0", "--variant", "PI")[0] == 1
     assert calls[-1][2:] == (0.0, ("heart.*",), ("PI",))
+    assert compared(same, overrides=["heart.rate=1.4 Hz", "seeds=[1]"])[1][1:] == [
+        "set in the first run: nothing",
+        "set in the second run: heart.rate=1.4 Hz, seeds=[1]",
+    ]
 
 
 def test_differing_runs(compared):

@@ -401,6 +401,7 @@ BENT = {"signal": "wall.bent", "above": 0, "text": "it buckles"}
     [
         ([0.5, 1.0, 1.5], 0, 0.01, "pass", "Passed", []),
         ([0.5, 1.0, 1.5], 0, 0.03, "pass", "Targets left", []),
+        ([0.5, 1.0, 1.5], 0, 0.01, "waiting", "Ended early", []),
         ([0.5, 4.891, 2.5], 0, 0.01, "pass", "Failed", []),
         ([0.5, 1.0, 1.5], 1, 0.01, "pass", "Failed", []),
         ([0.5, 1.0, 1.5], 0, 0.01, "fail", "Failed", ["Not met: behind", "-45 mm"]),

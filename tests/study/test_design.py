@@ -258,6 +258,8 @@ def test_a_grid_is_limited(tmp_path):
     [
         ({"scenario: scenario.yaml": "title: x"}, "`scenario: ../heart_wall_force.yaml`"),
         ({"latin_hypercube": "grid"}, "grid needs `values` or `grid`"),
+        ({"sensor.measured_force, unit: mN": "wall.forc, unit: N"}, "`wall` has no variable `forc`. Did you mean"),
+        ({"sensor.measured_force, unit: mN": "wall.force, unit: mm"}, "in N, which does not convert to mm"),
         ({"method: latin_hypercube, count: 6": "method: sensitivity, count: 6"}, "no power of two"),
         ({"keep:": "metrics: [force]\nkeep:"}, "there is no metric `force`"),
         ({"keep:": "correlated: [{factors: [heart.rate, x], coefficient: 0.5}]\nkeep:"}, "nothing called `x` varies"),

@@ -57,6 +57,9 @@ def command(
     folders, summaries = (runs[0].folder, runs[1].folder), (runs[0].summary, runs[1].summary)
     comparison = compare_runs(folders, summaries, tolerance, patterns, variants)
     show_text(comparison.headline)
+    if summaries[0]["overrides"] != summaries[1]["overrides"]:
+        for word, summary in zip(("first", "second"), summaries, strict=True):
+            show_text(", ".join(summary["overrides"]) or "nothing", f"set in the {word} run: ")
     if (most := comparison.largest) is not None:
         by = f"{most.text}, {most.part:.2g} of its largest magnitude" if isfinite(most.part) else most.text
         show_text(f"{most.name} of {most.variant}, seed {most.seed}: {by}.", "Most: ")

@@ -127,7 +127,7 @@ def listed(row: Row, detail: str) -> None:
 
 @dataclass(frozen=True)
 class SessionResult:
-    """Result of a session that is over: passed, failed or targets left; its score in words; requirements and metrics; warnings."""
+    """Result of a session that is over: passed, failed, targets left or ended early; its score in words; requirements and metrics; warnings."""
 
     kind: str = ""
     score: str = ""
@@ -136,7 +136,10 @@ class SessionResult:
 
 
 def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> SessionResult:
-    """Return the result of a session: it fails with a requirement that is not met, or a warning that was shown."""
+    """Return the result of a session: it fails with a requirement that is not met, or a warning that was shown.
+
+    It passes only if no requirement is open.
+    """
     rows = verdicts.rows() if verdicts is not None else []
     warnings = warning_rows(live)
     words, is_complete = "", True
@@ -145,7 +148,9 @@ def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> Sessi
         words = targets.session_text(score, live.catalog)
         is_complete = len(score.reached) == len(live.catalog.targets["points"])
     judged = [row.verdict for row in (*rows, *warnings) if row.verdict in ("pass", "fail")]
-    kind = "failed" if "fail" in judged else "targets left" if not is_complete else "passed" if judged else ""
+    is_open = any(row.verdict == WAITING for row in rows)
+    kind = "failed" if "fail" in judged else "targets left" if not is_complete else "ended early" if is_open else ""
+    kind = kind or ("passed" if judged else "")
     return SessionResult(kind, words, tuple(rows), tuple(warnings))
 
 

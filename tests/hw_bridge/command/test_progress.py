@@ -51,6 +51,12 @@ def test_steps_are_known_after_a_restart(tmp_path):
     assert again.has_failed(STEP["check"], "axis")
     assert progress().time_of(STEP["check"], "axis") is None
     assert progress().time_of(STEP["jog"], "axis") is not None
+    again.record("twin hil home axis -f b.yaml", "axis", Outcome.DONE)
+    again.forget(node="axis", title="home")
+    assert progress().time_of(STEP["home"], "axis") is None
+    assert progress().time_of(STEP["jog"], "axis") is not None
+    again.forget(scope="a axis")
+    assert progress().time_of(STEP["jog"], "axis") is None
     path.write_text('[["a", 1]]')
     assert progress().done == {}
 
