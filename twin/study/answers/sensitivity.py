@@ -117,7 +117,8 @@ def half_width(confidence: float) -> float:
 
 def distance_from_median(values: Array) -> Array:
     """Distance of each value's rank from the middle rank."""
-    return np.abs(stats.rankdata(values) - (len(values) + 1) / 2)
+    distance: Array = np.abs(stats.rankdata(values) - (len(values) + 1) / 2)
+    return distance
 
 
 def stronger_correlation(name: str, values: Array, output: Array, confidence: float, seeds: int) -> Effect:
