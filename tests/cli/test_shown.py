@@ -199,7 +199,7 @@ def test_results_of_a_study(capsys, monkeypatch):
         ["Study"],
         ["metric", "variant", "50%", "95%", "largest in case"],
         ["force", "PI", "force 1", "force 2", "17"],
-        ["expectation", "variant", "pass rate", "95% confidence"],
+        ["requirement", "variant", "pass rate", "95% confidence"],
         ["safe", "PI", "85%", "80 to 90 %"],
         ["fails: safe (PI): 2 cases, rate high, noise low, such as case 5"],
         ["A sentence."],

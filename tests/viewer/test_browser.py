@@ -299,7 +299,7 @@ def test_what_was_not_judged_is_not_counted(browser, folders, tmp_path):
         page = Page(context, address).page
         assert page.locator("#metrics summary").inner_text() == "Metrics: 1 compared, settings differ from the paper's"
         assert page.locator("#metrics th").all_inner_texts() == ["", "twin", "paper", ""]
-        assert page.locator("#expectations summary").inner_text() == "Expectations: 1 of 1 failed, 1 not judged"
+        assert page.locator("#expectations summary").inner_text() == "Requirements: 1 of 1 failed, 1 not judged"
         context.close()
 
 

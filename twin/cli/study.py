@@ -255,7 +255,7 @@ def show_pass_rates(outcome: StudyOutcome, answers: Answers) -> None:
         [share.name, share.variant, percent(share.part), *[answers.interval(share)] * has_intervals]
         for share in answers.shares
     ]
-    show_table(["expectation", "variant", "pass rate", *[interval] * has_intervals], rows, 2)
+    show_table(["requirement", "variant", "pass rate", *[interval] * has_intervals], rows, 2)
 
 
 def show_changes(answers: Answers) -> None:

@@ -123,7 +123,7 @@ function expectations() {
   });
   const count = (verdict) => about.expectations.filter((one) => one.verdict === verdict).length, failed = count("fail"), judged = rows.length - count("skipped"), problem = about.runs.map((run) => run.problem).filter(Boolean);
   box.hidden = !rows.length && !problem.length;
-  box.querySelector("summary").textContent = rows.length && about.expectations.every((one) => one.verdict === "open") ? `Expectations: ${rows.length}, judged at the end` : (failed ? `Expectations: ${failed} of ${judged} failed` : `Expectations: ${judged}, none failed`) + (judged < rows.length ? `, ${rows.length - judged} not judged` : "");
+  box.querySelector("summary").textContent = rows.length && about.expectations.every((one) => one.verdict === "open") ? `Requirements: ${rows.length}, judged at the end` : (failed ? `Requirements: ${failed} of ${judged} failed` : `Requirements: ${judged}, none failed`) + (judged < rows.length ? `, ${rows.length - judged} not judged` : "");
   box.querySelector("div").replaceChildren(...problem.map((text) => element("p", text, { className: "twin-soft" })), ...rows);
 }
 
