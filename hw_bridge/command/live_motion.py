@@ -53,6 +53,8 @@ class LiveMotion:
             self.current = f"{values['current']} A"
             self.direction = {">": "positive", "<": "negative"}.get(values["mark"], "")
             self.has_moved |= bool(self.direction)
+            if not self.origin.startswith("from"):
+                continue  # positions of the drive itself: in one curve with the others they would look like a jump
             now = time.monotonic() - self._begin_time
             self._samples.append((now, float(values["position"]), float(values["current"])))
 

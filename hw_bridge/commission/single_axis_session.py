@@ -71,7 +71,7 @@ class SingleAxisSession:
         self.paced = False  # whether a bus in simulated time keeps to the wall clock, for a person's keys
         self.ramp = Ramp(0.0, 1.0, 1.0)
         self.next_line = 0  # when live values are shown again [ns]
-        self.origin = "from start"  # what positions count from
+        self.origin = "in the drive"  # what positions count from; once it is enabled, from start or from its reference
         self._before: tuple[int, float, float] | None = None  # time, position and origin of the last mean velocity
         self.note = ""  # what the operator must know now, such as a limit; shown behind the live values
 
@@ -87,8 +87,8 @@ class SingleAxisSession:
         with hangup_as_interrupt():
             try:
                 self.master.begin({self.node.name: start})
-                if homed is not None or self.keys.homing is not None:
-                    self.origin = "from reference"
+                is_referenced = homed is not None or self.keys.homing is not None
+                self.origin = "from reference" if is_referenced else "from start"
                 if homed is not None:
                     self._count_from_reference(homed)
                 limits = self.keys.limits

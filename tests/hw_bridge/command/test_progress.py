@@ -71,6 +71,14 @@ def test_values_of_a_motion_are_taken_from_its_output():
     assert (motion.state, motion.position, motion.velocity) == ("Operation enabled", "1.75 mm", "4.98 mm/s")
     assert (motion.current, motion.origin, motion.direction) == ("-0.10 A", "from start", "positive")
     begin, end = motion.span()
+    motion.process_output(f"{line.replace('1.25', '6.44').replace('from start', 'in the drive')}\r")
+    assert (motion.position, motion.origin, motion.span()) == (
+        "6.44 mm",
+        "in the drive",
+        (begin, end),
+    )  # no jump in the chart
+    motion.process_output(f"{line.replace('1.25', '1.75')}\r")
+    motion._samples.pop()
     time, position = motion.read("position", begin, end, 100)
     assert (list(time), list(position)) == ([begin, end], [1.25, 1.75])
     assert list(motion.read("current", end, end + 1.0, 100)[1])[-1] == -0.1
