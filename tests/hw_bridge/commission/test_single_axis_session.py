@@ -94,13 +94,14 @@ def test_a_slow_velocity_is_that_of_the_positions(session):
     assert session.mean_velocity() == pytest.approx(0.006)
 
 
-@every_case(
+@pytest.mark.parametrize(
     ("homed", "homes", "origin"), [(False, False, "start"), (True, False, "reference"), (False, True, "reference")]
 )
 def test_positions_count_from_the_start_or_from_the_reference(session, homed, homes, origin):
     keys = session.keys
     if not homes:
         session.node.keys = keys.model_copy(update={"homing": None})
+    assert session.origin == "in the drive"  # until it is enabled
     with session.enabled(homed=keys if homed else None):
         assert session.origin == f"from {origin}"
 
