@@ -123,3 +123,33 @@ def test_bad_changes_and_forecasts_are_told_in_one_line(tmp_path):
             load(write(tmp_path, rows, f"{KNOWN}{line}\n"))
         assert len(error.value.problems) == 1, error.value.problems
         assert expected in error.value.problems[0]
+
+
+MEASURED_SLOWLY = """
+scenario: rig.yaml
+step: 1 ms
+data: rig.csv
+inputs: {"way [mm]": sheath.gripper_position}
+outputs: {"tracked [mm]": {signal: tracker.measured_position, noise: 0.2 mm}}
+estimate: {"sheath.play[3]": {start: 0.2 mm, deviation: 0.2 mm}}
+forecast: {horizon: 100 ms, interval: 50 ms, signals: [sheath.tip_position], draws: 10}
+"""
+
+
+def test_a_signal_is_forecast_beside_a_slow_sensor_that_the_forecast_does_not_read(tmp_path, build):
+    """The filter keeps what the sensor has published, the forecast does not."""
+    rig = "stop_time: 1 s\nmembers: {sheath: {component: sheath}, tracker: {component: em_tracker}}\n"
+    (tmp_path / "rig.yaml").write_text(f"{rig}connections: [sheath.tip_position -> tracker.position]\n")
+    rows = [(0.025 * i, 5 * np.sin(0.5 * i), 4 * np.sin(0.5 * i)) for i in range(9)]
+    (tmp_path / "rig.csv").write_text(
+        "time [s],way [mm],tracked [mm]\n" + "".join(f"{t},{x},{y}\n" for t, x, y in rows)
+    )
+    (tmp_path / "follow.yaml").write_text(MEASURED_SLOWLY)
+    problem = load(tmp_path / "follow.yaml")
+    with Follower(problem, build) as follower:
+        for tick, measurements in times_of(problem).items():
+            follower.advance(tick)
+            follower.correct(measurements)
+        forecast = follower.forecast()
+    assert forecast.signals == ("sheath.tip_position",)
+    assert np.isfinite(forecast.bands).all()

@@ -82,17 +82,25 @@ def published_address(cosimulation: CoSimulation, key: tuple[str, str]) -> int:
     return plan.published.get(key) or plan.staged.get(key) or cosimulation.members[key[0]].address(key[1])
 
 
-def published_copies(cosimulation: CoSimulation, member: str) -> list[tuple[int, int]]:
-    """Return address and words of the published outputs of a member that lie outside of its record: of an FMU, or of a longer period."""
+def published_copies(cosimulation: CoSimulation, member: str) -> dict[tuple[str, ...], tuple[int, int]]:
+    """Return address and words of the published outputs of a member that lie outside of its record, by the names of variables.
+
+    These are outputs of a member with a longer period, and of an FMU, whose adjacent values are one entry.
+    """
     plan, instance = cosimulation.plan, cosimulation.members[member]
-    copies = [] if plan.is_read_directly(member) else [(row[1], row[2]) for row in plan.publishes[member]]
-    blocks: list[list[int]] = []  # of an FMU: begin and end of adjacent values; each begins at a word of its own
+    addresses = {path: at for (name, path), at in (plan.published | plan.unsplit).items() if name == member}
+    copies: dict[tuple[str, ...], tuple[int, int]] = {}
+    for _, copy, words in [] if plan.is_read_directly(member) else plan.publishes[member]:
+        (path,) = (path for path, address in addresses.items() if copy <= address < copy + 8 * words)
+        copies[path,] = copy, words
+    blocks: list[
+        tuple[tuple[str, ...], int, int]
+    ] = []  # of an FMU: names, begin and end; each begins at a word of its own
     for (name, path), address in sorted([*plan.unsplit.items(), *plan.published.items()], key=lambda entry: entry[1]):
         if name != member or instance.address(path) or instance.variables[path].causality == "input":
             continue
-        end = address + instance.variables[path].size * instance.variables[path].dtype.itemsize
-        if blocks and blocks[-1][1] == address:
-            blocks[-1][1] = end
-        else:
-            blocks.append([address, end])
-    return copies + [(begin, -(-(end - begin) // 8)) for begin, end in blocks]
+        before, begin, _ = blocks.pop() if blocks and blocks[-1][2] == address else ((), address, 0)
+        blocks.append(
+            ((*before, path), begin, address + instance.variables[path].size * instance.variables[path].dtype.itemsize)
+        )
+    return copies | {names: (begin, -(-(end - begin) // 8)) for names, begin, end in blocks}

@@ -174,7 +174,8 @@ class Batch:
         ]
         self._measure = Transfer(make, self._build, conversions=measured)
         published = [
-            [row for name in self._names for row in published_copies(make, self._own(name, k))] for k in numbers
+            [row for name in self._names for row in published_copies(make, self._own(name, k)).values()]
+            for k in numbers
         ]
         self._published = [[row for row, _ in rows] for rows in published], [words for _, words in published[0]]
         self._sharing: dict[tuple[range, int], tuple[Transfer, StateTransfer]] = {}
@@ -328,8 +329,7 @@ class Batch:
                         rows.append((other.simulation.members[source].instance, member.instance, words))
                     else:
                         states.append((source, [own]))
-                    copies = published_copies(other.simulation, source), published_copies(self.simulation, own)
-                    rows += [(first, address, size) for (first, _), (address, size) in zip(*copies, strict=True)]
+                    rows += self._published_rows(other, source, own)
                     rows += [
                         (int(values.ctypes.data), int(self._buffers[own, variable].ctypes.data), values.nbytes // 8)
                         for (member_name, variable), values in other._buffers.items()
@@ -343,6 +343,21 @@ class Batch:
             self.simulation.state[name] = other.simulation.state[name]
         self.simulation.finished = False
         self.simulation.watch.forget()
+
+    def _published_rows(self, other: Batch, source: str, own: str) -> Iterator[tuple[int, int, int]]:
+        """Yield source, target and words of what a member publishes here.
+
+        The other batch may publish more, because it reads other outputs. What it does not publish is taken from the record:
+        until the member publishes again, that is early by less than its period.
+        """
+        sources, member = published_copies(other.simulation, source), other.simulation.members[source]
+        for names, (address, words) in published_copies(self.simulation, own).items():
+            if names in sources:
+                yield sources[names][0], address, words
+            elif start := member.address(names[0]):
+                yield start // 8 * 8, address, words  # a copy begins at a word
+            else:
+                raise SimulationError(f"{source}: measure {' and '.join(names)} too, so that it can be forecast.")
 
     def set_variable(self, path: str, value: float) -> None:
         """Set a parameter or an unconnected input of all copies."""
