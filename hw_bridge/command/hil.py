@@ -107,7 +107,7 @@ class Findings:
         self.notes += other.notes
         self.tables += other.tables
 
-    def print(self) -> None:
+    def show(self) -> None:
         """Print what an operator must read first, then the tables."""
         for text in self.problems:
             paragraph(f"differs: {text}")
@@ -140,7 +140,7 @@ def check(file: Path, build: Path) -> None:
     findings.tables += [
         (f"{', '.join(names)}: effect of each limit", rows) for names, rows in limit_effects.grouped(keys, absent)
     ]
-    findings.print()
+    findings.show()
     paragraph(findings.verdict)
     if findings.problems:
         sys.exit(1)

@@ -1,4 +1,4 @@
-"""Progress of a commissioning: which steps have succeeded with which hardware file, kept in a file over restarts."""
+"""StepProgress of a commissioning: which steps have succeeded with which hardware file, kept in a file over restarts."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def outcome(word: str, code: int, text: str, has_moved: bool) -> Outcome:
     return Outcome.DONE if word == "jog" and has_moved else Outcome.NEUTRAL
 
 
-class Progress:
+class StepProgress:
     """Steps that have succeeded, by scope (what they depend on), drive and title, with their time; and those that failed.
 
     A file that cannot be read counts as empty: then the steps have to be done again.

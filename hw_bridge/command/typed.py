@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 from hw_bridge.command.bench.motion import EXPIRED, READY
 from hw_bridge.command.commissioning_steps import FILE_INDEPENDENT
 from hw_bridge.command.live_motion import LiveMotion
-from hw_bridge.command.progress import Progress, outcome
+from hw_bridge.command.progress import StepProgress, outcome
 from hw_bridge.command.state_watch import StateWatch
 from hw_bridge.commission import HOLD, axis
 from hw_bridge.hardware import load, resolve_bench
@@ -57,7 +57,7 @@ class Typed:
         self.file_problem = ""  # why the file cannot be used now; `keys` and `axes` are then those of before
         self.read_again = 0.0  # when a changed file was read [s since the epoch], or 0
         self._read_file()
-        self.progress = Progress(console.runs / "commissioning" / "progress.json", self.scope)
+        self.progress = StepProgress(console.runs / "commissioning" / "progress.json", self.scope)
         self.motion = LiveMotion()
         self.watch = StateWatch(self.file, console.build)  # only between commands: never two SDO clients of a node
         self.text = self.line = ""

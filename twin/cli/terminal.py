@@ -86,12 +86,12 @@ def show_text(text: str, label: str = "", style: str = "") -> None:
         console.print(Text.assemble((label, style) if i == 0 else indent, words), soft_wrap=True)
 
 
-def show_outcome(word: str, text: str, file: Path, command: str, *, prefix: str = "", end: str = " ") -> None:
-    """Print the last line of a run: a word in its color, a text, and where to look: a report or results, and a command."""
+def show_outcome(word: str, sentence: str, file: Path, command: str, *, prefix: str = "", end: str = " ") -> None:
+    """Print the last line of a run: a word in its color, a sentence, and where to look: a report or results, and a command."""
     label = "Report" if file.suffix == ".html" else "Results"
-    locations = [place.replace(" ", NO_BREAK_SPACE) for place in (f"{label}: {file}", f"Look: {command}")]
+    locations = [text.replace(" ", NO_BREAK_SPACE) for text in (f"{label}: {file}", f"Look: {command}")]
     style = {"PASS": "bold green", "DONE": "bold"}.get(word, "bold red")
-    show_text(f"{text} {'  '.join(locations)}", f"{prefix}{word}{end}", style)
+    show_text(f"{sentence} {'  '.join(locations)}", f"{prefix}{word}{end}", style)
 
 
 def make_table(*titles: str, left: int) -> Table:

@@ -383,7 +383,7 @@ class Member(ABC):
         self.step_function = machine.address_of(self._callback)
 
     def slot_access(
-        self, slots: Sequence[Any], write: bool, on_written: Callable[[Any], object] = lambda _slot: None
+        self, slots: Sequence[Any], write: bool, after_write: Callable[[Any], object] = lambda _slot: None
     ) -> Access:
         """Return a call that copies values between memory and slots of this process, which have `variable` and `values`."""
 
@@ -394,7 +394,7 @@ class Member(ABC):
                 ctypes.memmove(target, source, slot.values.nbytes)
                 address += slot.values.nbytes
                 if write:
-                    on_written(slot)
+                    after_write(slot)
 
         callback = machine.ACCESS(self.guarded(move_values))
         references = np.array([slot.variable.references[0] for slot in slots], np.uint32)

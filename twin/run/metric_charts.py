@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from twin.results import figure_files, metric_formats, plotting
-from twin.results.plot_annotations import VIOLATION_COLOR
+from twin.results import figure_files, metric_formats, plot_annotations, plotting
 from twin.run.report_figure import ReportFigure
 
 if TYPE_CHECKING:
@@ -71,10 +70,12 @@ def chart_svg(expectation: Expectation, rows: Sequence[MetricResult], style: Met
                     fontsize=8,
                 )
         for row, bound in row_bounds(expectation, rows):
-            axis.plot([in_unit(bound)] * 2, [row - 0.35, row + 0.35], color=VIOLATION_COLOR, linewidth=2.0)
+            axis.plot(
+                [in_unit(bound)] * 2, [row - 0.35, row + 0.35], color=plot_annotations.VIOLATION_COLOR, linewidth=2.0
+            )
         for limit in (expectation.at_least, expectation.at_most):
             if limit is not None:
-                axis.axvline(in_unit(limit), color=VIOLATION_COLOR, linestyle=(0, (2, 1.5)))
+                axis.axvline(in_unit(limit), color=plot_annotations.VIOLATION_COLOR, linestyle=(0, (2, 1.5)))
         axis.set_yticks(range(len(rows)), [result.variant for result in rows])
         axis.set_ylim(len(rows) - 0.4, -0.7)
         axis.margins(x=0.1)

@@ -72,8 +72,8 @@ def extra_keys(tree: Node, case: Case, split_arrays: AbstractSet[str], title: st
         ]
         unavailable |= set(dropped) if name == "analyses" else set()
     if "expect" in extra:
-        known = [None, *extra["metrics"].entries] if "metrics" in extra else [None]
-        extra["expect"] = extra["expect"].map(lambda item: item if item.get("metric").value in known else None)
+        metric_names = [None, *extra["metrics"].entries] if "metrics" in extra else [None]
+        extra["expect"] = extra["expect"].map(lambda item: item if item.get("metric").value in metric_names else None)
     if "groups" in extra:
         extra["groups"] = extra["groups"].map(lambda node: node if set(names(node)) <= case.members.keys() else None)
     return extra, notes

@@ -54,7 +54,7 @@ class Slot:
 
 
 @dataclass
-class DrawnLine:
+class RoutedLine:
     """Connection as the slots from left to right that it passes. `is_back`: it closes a loop, and is drawn to the left."""
 
     edge: Edge
@@ -175,7 +175,7 @@ def assign_columns(members: list[str], edges: list[Edge], back: set[Edge]) -> di
     return depth
 
 
-def route(edge: Edge, is_back: bool, depth: dict[str, int], slots: dict[str, Slot], layers: Layers) -> DrawnLine:
+def route(edge: Edge, is_back: bool, depth: dict[str, int], slots: dict[str, Slot], layers: Layers) -> RoutedLine:
     """Return a connection; adds slots in the columns that it passes."""
     first, last = reversed(edge) if is_back else edge
     path = [slots[first]]
@@ -186,7 +186,7 @@ def route(edge: Edge, is_back: bool, depth: dict[str, int], slots: dict[str, Slo
     for slot, neighbor in pairwise(path):
         slot.behind.append((neighbor, edge))
         neighbor.before.append((slot, edge))
-    return DrawnLine(edge, is_back, path)
+    return RoutedLine(edge, is_back, path)
 
 
 def arrange(layers: Layers) -> None:
@@ -228,7 +228,7 @@ def port_height(slot: Slot, other: Slot, edge: Edge, is_right: bool) -> float:
     return slot.y + (neighbors.index((other, edge)) - (len(neighbors) - 1) / 2) * step
 
 
-def draw_line(line: DrawnLine, texts: list[str]) -> str:
+def draw_line(line: RoutedLine, texts: list[str]) -> str:
     """Draw a connection with its arrow; a tooltip lists the signals."""
     path = ""
     for slot, neighbor in pairwise(line.slots):
@@ -246,7 +246,7 @@ def draw_line(line: DrawnLine, texts: list[str]) -> str:
     )
 
 
-def draw_label(line: DrawnLine, label: str) -> str:
+def draw_label(line: RoutedLine, label: str) -> str:
     """Draw the label of a connection above its arrow, with a margin in the color of the page that hides other lines."""
     x, y = line.tip
     return (

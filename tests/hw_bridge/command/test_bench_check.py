@@ -147,7 +147,7 @@ def test_what_a_run_would_write_is_shown(capsys):
         ),
         "axis: is in Fault, 603Fh: 4310h temperature.",
     ]
-    findings.print()
+    findings.show()
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80
     labels = [line.partition(":")[0] for line in lines if line.startswith(("differs: ", "note: ", "axis: "))]

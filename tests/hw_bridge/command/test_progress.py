@@ -4,7 +4,7 @@ import pytest
 
 from hw_bridge.command.commissioning_steps import STEPS
 from hw_bridge.command.live_motion import LiveMotion
-from hw_bridge.command.progress import Outcome, Progress, outcome
+from hw_bridge.command.progress import Outcome, StepProgress, outcome
 
 SILENT = "axis: stopped at 5.70 mm: released.\n\nerror: the operator's page has not answered for 502 ms: stopped.\n"
 STEP = {step.title: step for step in STEPS}
@@ -33,7 +33,7 @@ def test_steps_are_known_after_a_restart(tmp_path):
     path, scope = tmp_path / "runs" / "progress.json", ["a"]
 
     def progress():
-        return Progress(path, lambda step, node: f"{scope[0]} {node}")
+        return StepProgress(path, lambda step, node: f"{scope[0]} {node}")
 
     first = progress()
     first.record("twin hil check b.yaml", "", Outcome.DONE)

@@ -138,7 +138,7 @@ def test_check_shows_the_list_and_writes_nothing(build, name, monkeypatch, capsy
     keys = HardwareKeys.model_validate({"simulated": True, "nodes": {"axis": {"node": 1, "profile": name}}})
     if name == "epos4":
         keys.nodes["axis"].__dict__["scale"] = 1e-3
-    hil.compare_bus(keys, build).print()
+    hil.compare_bus(keys, build).show()
     told = capsys.readouterr().out
     assert "axis: a run writes" in told
     assert "limits.velocity" in told

@@ -60,7 +60,9 @@ def test_the_command(build, tmp_path):
     assert all(int(row[3]) <= 2 for row in rows)  # overshoot [%]
     assert max(map(len, done.output.replace(str(plot), "").splitlines())) <= 80
     assert plot.read_text().startswith("<svg ")
-    assert "half of limits.following_error" in str(CliRunner().invoke(hil.command, [*words, "--by", "3 mm"]).exception)
+    assert "half of nodes.servomotor.limits.following_error" in str(
+        CliRunner().invoke(hil.command, [*words, "--by", "3 mm"]).exception
+    )
 
 
 @pytest.mark.slow_repetitions

@@ -78,7 +78,7 @@ def unsized(answer):
 def test_the_check_tells_sizes_and_what_is_refused(build, monkeypatch, capsys):
     keys = HardwareKeys.model_validate({"simulated": True, "nodes": {"servomotor": node("mclm", objects={"2FFFh": 1})}})
     wire_other_drive(monkeypatch, bench, other("mclm", _2338_2={"type": U32}))
-    hil.compare_bus(keys, build).print()
+    hil.compare_bus(keys, build).show()
     first, *others = capsys.readouterr().out.partition("differs: ")[2].replace("\n  ", " ").splitlines()
     assert "2FFFh.0: refused with 06020000h, no object. A run writes it." in first  # above all else
     assert "note: servomotor: 2338h.2 has 4 bytes, in the profile 2." in others

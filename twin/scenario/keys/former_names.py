@@ -83,8 +83,8 @@ def renamer(trees: Iterable[Node], classes: Mapping[str, type[Component]]) -> Ca
         names = by_component.get(path[-1], {}) if path[-2:-1] == ("parameter_sets",) else {}
         entries = {}
         for key, item in node.entries.items():
-            known = names.get(key)
-            new = note(key, known, item.location) if known else renamed(key, item.location, owner)
+            current_name = names.get(key)
+            new = note(key, current_name, item.location) if current_name else renamed(key, item.location, owner)
             entries[new] = item if key in TEXTS else rename(item, (*path, key))
         return Node(entries, node.location) if isinstance(node.value, dict) else node
 

@@ -215,8 +215,8 @@ class Builder:
         key = "variants" if keys.variants else "ordered"
         for name in (keys.variants or keys.ordered or ()) if metric is not None and metric.variants else ():
             if name in self.variants and metric is not None and name not in metric.variants:
-                known = ", ".join(metric.variants)
-                self.problem(f"`{metric.name}` is not taken in `{name}`, only in {known}. Add it there.", key)
+                variants = ", ".join(metric.variants)
+                self.problem(f"`{metric.name}` is not taken in `{name}`, only in {variants}. Add it there.", key)
         if keys.margin is not None and keys.ordered is None:
             self.problem("a margin is that of an order. Add `ordered`, or leave it out.", "margin")
 
