@@ -1,4 +1,7 @@
-"""Parts of a page without a server: bar, operator menu, start page, requirements, summary."""
+"""Parts of a page without a server: bar, operator menu, start page, requirements, summary.
+
+Over 400 lines: the parts share one page without a server.
+"""
 
 import math
 from pathlib import Path

@@ -1,4 +1,7 @@
-"""Values, windows and limits of a scenario file in SI, and what an SSP keeps of a scenario beside its system."""
+"""Values, windows and limits of a scenario file in SI, and what an SSP keeps of a scenario beside its system.
+
+Over 400 lines: one table of cases for each kind of value.
+"""
 
 from __future__ import annotations
 

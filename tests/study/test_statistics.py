@@ -184,6 +184,7 @@ def test_a_metric_that_grows_to_both_sides_is_driven_by_the_distance_from_the_me
     assert (effect.label, effect.is_from_median) == ("friction, distance from median", True)
     assert effect.first > 0.9
     assert effect.p_value < 1e-6
+    assert np.isnan(sensitivity.stronger_correlation("friction", np.ones(30), values, 0.95, 1).p_value)  # no test
     slope = sensitivity.stronger_correlation("friction", values, values, 0.95, 1)
     assert (slope.label, slope.first) == ("friction", pytest.approx(1.0))
     assert slope.p_value == 2 * rank_correlation("friction", values, values).p_value

@@ -72,8 +72,7 @@ def command(
     one operates. Only this machine is served.
 
     Motion lasts while a control is held. STOP stops drives or a rig under controls, End ends any other simulation,
-    and Ctrl-C in the terminal does both; Esc stops drives.
-    All operations are recorded in the run's folder; `operated.yaml` in it repeats them.
+    and Ctrl-C in the terminal does both; Esc stops drives. The run's folder records it; `operated.yaml` there repeats it.
 
     \b
     twin console teleoperation

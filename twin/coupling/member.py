@@ -2,6 +2,8 @@
 
 Call sequence (FMI's): `instantiate`, `set` start values, `enter_initialization(t)`, `set` and `get` while initial inputs
 are computed, `exit_initialization`, then the loop calls `step_function` by its address, finally `close`.
+
+Over 400 lines: one interface, with the callbacks through which native code calls a member.
 """
 
 from __future__ import annotations

@@ -131,7 +131,7 @@ def stronger_correlation(name: str, values: Array, output: Array, confidence: fl
         replace(rank_correlation(name, distance_from_median(values), output, confidence, seeds), is_from_median=True),
     ]
     strongest = max(effects, key=lambda effect: abs(effect.first))
-    return replace(strongest, p_value=min(1.0, 2 * strongest.p_value))
+    return replace(strongest, p_value=float(np.minimum(1.0, 2 * strongest.p_value)))  # NaN stays: no test
 
 
 def rank_correlation(name: str, values: Array, output: Array, confidence: float = 0.95, seeds: int = 1) -> Effect:
