@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner, Result
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.fmi.third_party import FMI2, NATIVE, NATIVE_XML, native_fmu, python_fmu
@@ -179,6 +179,7 @@ def test_rows_whose_times_are_not_quite_those_of_the_steps(gain: Path, kind: str
 
 
 @given(st.lists(st.integers(0, 40_000), min_size=1, max_size=30), st.integers(-20_000, 20_000))
+@example([0], 1)  # exactly at the limit
 def test_rows_keep_their_order_and_their_times(ticks: list[int], start: int) -> None:
     """Only what is within a thousandth of a step is moved, the nearest time, and the steps' own times are met exactly."""
     times = np.array(sorted(ticks)) * 1e-9
@@ -187,8 +188,11 @@ def test_rows_keep_their_order_and_their_times(ticks: list[int], start: int) -> 
     assert np.abs(moved - times).max() <= 1.0000001e-9
     for k in range(12):
         t = (start + k * 1000) / 1e9
-        near = np.abs(times - t)[np.abs(times - t) < 0.9e-9]
-        assert (moved == t).sum() == (near == near.min(initial=1.0)).sum()
+        near = np.abs(times - t)[np.abs(times - t) < 1.1e-9]
+        if near.min(initial=1.0) < 0.9e-9:
+            assert (moved == t).sum() == (near == near.min()).sum()
+        else:  # rows at the very limit: rounding decides
+            assert (moved == t).sum() <= near.size
 
 
 def test_rows_closer_than_a_thousandth_of_a_step_are_not_one(gain: Path) -> None:
