@@ -76,6 +76,7 @@ def selected(sdo_session: SdoSession, identity: Identity | None) -> Iterator[Lss
     master.network = Carrier(sdo_session, master)
     master.RESPONSE_TIMEOUT = 0.01  # the carrier has waited already [s]
     try:
+        master.send_switch_state_global(LssMaster.WAITING_STATE)  # also a device that a killed program had selected
         if identity is None:
             master.send_switch_state_global(LssMaster.CONFIGURATION_STATE)
         elif not master.send_switch_state_selective(*identity):

@@ -43,6 +43,12 @@ def test_the_one_of_this_identity_gets_another_node_id(line):
     assert lss.configure(line, EPOS4, None, 500_000) == (EPOS4, 3)
 
 
+def test_a_device_that_a_killed_program_had_selected_is_released_first(line):
+    with lss.selected(line, EPOS4):
+        assert lss.configure(line, V3, 17, None) == (V3, 1)
+    assert [one.node for one in scan(line)] == [3, 17]
+
+
 def test_a_node_id_that_is_taken(line):
     with pytest.raises(SimulationError, match="node 3 is on the bus already"):
         lss.configure(line, V3, 3, None)
@@ -198,7 +204,7 @@ def test_steps_of_a_configuration(monkeypatch, before, node, bit_rate, expected)
         wait=lambda duration, done: waits.append((duration, done())),
     )
     assert lss.configure(session, None, node, bit_rate) == (lss.Identity(*lss.INQUIRE), before)
-    assert calls == [("asked", before), *expected]
+    assert calls == ["waiting", ("asked", before), *expected]
     assert waits == ([(1_000_000_000, True)] if node else [])
     assert (before in session.states) is (node is None)
 
