@@ -21,19 +21,19 @@ THREE = [np.array([[0.0], [1.0], [3.0], [6.0]]), np.array([[2.0], [4.0], [0.0]])
 
 
 @every_case(
-    ("step", "lengths", "stride"),
+    ("step", "lengths", "strides"),
     [
-        (0.01, [40, 500], 2),  # 20 ms between predictions
-        (0.004, [500], 5),
-        (0.004, [500, 49], 4),  # ten predictions in the shortest window
-        (0.004, [500, 9], 1),
-        (0.1, [500], 1),
+        (0.01, [900, 5000], [2, 10, 30, 60]),  # 20 ms to 0.6 s between predictions
+        (0.004, [500], [5, 25, 50]),  # ten predictions in the shortest window
+        (0.004, [500, 49], [4]),
+        (0.004, [500, 9], [1]),
+        (0.1, [500], [1, 3, 6]),
     ],
 )
-def test_rows_between_predictions(step, lengths, stride):
+def test_rows_between_predictions(step, lengths, strides):
     data = data_of([np.zeros((n, 1)) for n in lengths], [np.zeros((n, 1)) for n in lengths], step=step)
-    assert baselines.stride_of(data, 2) == stride
-    assert baselines.stride_of(data, 0) == 1
+    assert baselines.strides(data, 2) == strides
+    assert baselines.strides(data, 0) == [1]
 
 
 def test_rows_before_a_window_continue_it():
@@ -53,7 +53,7 @@ def test_scales_are_of_the_rows_of_a_fit():
     """Outputs by the rows that count, inputs by all; what is constant is not scaled."""
     inputs = [np.stack([[1.0, 2.0, 4.0, 8.0], np.full(4, 3.0)], 1)]
     data = data_of(inputs, [np.stack([[0.0, 2.0, 4.0, 90.0], np.full(4, 7.0)], 1)], step=0.01)
-    found = baselines.scales(data, np.array([True, True, True, False]), 2)
+    found = baselines.scales(data, np.array([True, True, True, False]), 2, 1)
     assert (found["lags"], found["stride"]) == (2, 1)
     assert found["center"] == [[2.0, 7.0], [3.75, 3.0]]
     assert found["scale"][0] == pytest.approx([np.std([0, 2, 4]), 1.0])
@@ -217,27 +217,36 @@ def test_a_static_network_is_trained_on_the_outputs(regressors, monkeypatch):
     assert frozen["spread"] == pytest.approx([spread, 1.0])
 
 
-@pytest.mark.parametrize(("name", "lags"), [("narx", 2), ("network", 0)])
-def test_the_penalty_is_chosen_by_the_middle_third(regressors, monkeypatch, name, lags):
-    """Rows 0 and 10 do not count; of the nine others 4 to 6 are left out. The second penalty predicts them best."""
-    data = data_of([np.arange(11.0)[:, None]], [np.arange(11.0)[:, None]], step=1.0)
-    rows = (np.arange(11) > 0) & (np.arange(11) < 10)
+BEST = {"narx": (4, 3, 0.1), "network": (0, 1, 0.1)}
+
+
+@pytest.mark.parametrize("name", ["narx", "network"])
+def test_memory_and_penalty_are_chosen_by_the_middle_third(regressors, monkeypatch, name):
+    """Rows 0 and 10 do not count; of the nine others 4 to 6 are left out. One choice predicts them best."""
+    data = data_of([np.zeros((11, 1))] * 4, [np.zeros((11, 1))] * 4, step=1.0)
+    monkeypatch.setattr(baselines, "PREDICTIONS", 3)
+    monkeypatch.setattr(baselines, "INTERVALS", (0.2, 1.0, 3.0))
+    rows = (np.arange(44) > 0) & (np.arange(44) < 10)
     calls = []
 
     def train(common, _data, trained_rows, penalty):
-        assert common == baselines.scales(data, rows, lags)
-        calls.append((penalty, np.flatnonzero(trained_rows).tolist()))
-        return {"penalty": penalty}
+        choice = (common["lags"], common["stride"], penalty)
+        assert common == baselines.scales(data, rows, *choice[:2])
+        calls.append((choice, np.flatnonzero(trained_rows).tolist()))
+        return {"choice": choice}
 
     def error(frozen, _data, left_out):
         assert np.flatnonzero(left_out).tolist() == [4, 5, 6]
-        return {1e-3: 3.0, 1e-1: 1.0, 10.0: 2.0}[frozen["penalty"]]
+        return 1.0 if frozen["choice"] == BEST[name] else 2.0
 
     monkeypatch.setattr(baselines, "trained", train)
     monkeypatch.setattr(baselines, "roll_out_error", error)
-    assert fit_baseline(name, data, rows) == {"penalty": 0.1}
-    others = [1, 2, 3, 7, 8, 9]
-    assert calls == [(1e-3, others), (1e-1, others), (10.0, others), (0.1, list(range(1, 10)))]
+    assert fit_baseline(name, data, rows) == {"choice": BEST[name]}
+    *tried, last = calls
+    assert last == (BEST[name], list(range(1, 10)))
+    assert all(trained_rows == [1, 2, 3, 7, 8, 9] for _, trained_rows in tried)
+    memories = [(lags, stride) for lags in (1, 2, 4) for stride in (1, 3)] if name == "narx" else [(0, 1)]
+    assert [choice for choice, _ in tried] == [(*memory, penalty) for memory in memories for penalty in (1e-3, 0.1, 10.0)]
 
 
 def test_without_scikit_learn(monkeypatch):

@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 
 PLAYS = 8  # play operators per input
 RIDGE = 1e-9  # Tikhonov regularization relative to the features' squares: inputs may be collinear
-LAGS = {"narx": 2, "network": 0, "play_network": 0}  # earlier outputs and inputs
+LAGS = {"narx": (1, 2, 4), "network": (0,), "play_network": (0,)}  # numbers of earlier outputs and inputs that are tried
 HIDDEN = 12  # neurons
-INTERVAL = 0.02  # shortest interval between predictions [s]: closer samples hardly differ
+INTERVALS = (0.02, 0.1, 0.3, 0.6)  # between predictions, that are tried [s]
 PREDICTIONS = 10  # in the shortest window at least
 REGULARIZATIONS = (1e-3, 1e-1, 10.0)  # L2 penalties that are tried
 ROWS = 4000  # of the table of a fit at most, evenly spaced
@@ -194,10 +194,10 @@ def predict_baseline(name: str, frozen: dict[str, Any], data: Data) -> Array:
     return np.asarray(features(name, data, frozen["spans"]) @ coefficients.T)
 
 
-def stride_of(data: Data, lags: int) -> int:
-    """Grid rows between predictions."""
-    shortest = min(len(window) for window in data.inputs)
-    return max(1, min(round(INTERVAL / data.step), shortest // PREDICTIONS)) if lags else 1
+def strides(data: Data, lags: int) -> list[int]:
+    """Numbers of grid rows between predictions that are tried."""
+    longest = min(len(window) for window in data.inputs) // PREDICTIONS
+    return sorted({max(1, min(round(interval / data.step), longest)) if lags else 1 for interval in INTERVALS})
 
 
 def padded(window: Array, first: Array, change: Array, lags: int) -> Array:
@@ -245,15 +245,22 @@ def regressors(outputs: Array, inputs: Array, k: Array | int, lags: int) -> Arra
 
 
 def fit_network(name: str, data: Data, rows: Array) -> dict[str, Any]:
-    """Fit `narx` or `network` to some rows; the penalty is chosen by leaving out their middle third."""
+    """Fit a network to some rows; lags, interval and penalty are chosen by the roll-outs of their middle third, left out."""
     import_optional("sklearn", "learn", f"baseline {name}")
-    common = scales(data, rows, LAGS[name])
     left_out = np.zeros(len(rows), bool)
     left_out[np.array_split(np.flatnonzero(rows), 3)[1]] = True
-    errors = [
-        roll_out_error(trained(common, data, rows & ~left_out, penalty), data, left_out) for penalty in REGULARIZATIONS
+    candidates = [
+        (scales(data, rows, lags, stride), penalty)
+        for lags in LAGS[name]
+        for stride in strides(data, lags)
+        for penalty in REGULARIZATIONS
     ]
-    return trained(common, data, rows, REGULARIZATIONS[int(np.argmin(errors))])
+    errors = [
+        roll_out_error(trained(common, data, rows & ~left_out, penalty), data, left_out)
+        for common, penalty in candidates
+    ]
+    common, penalty = candidates[int(np.argmin(errors))]
+    return trained(common, data, rows, penalty)
 
 
 def roll_out_error(frozen: dict[str, Any], data: Data, rows: Array) -> float:
@@ -262,13 +269,13 @@ def roll_out_error(frozen: dict[str, Any], data: Data, rows: Array) -> float:
     return float(np.mean(difference**2))
 
 
-def scales(data: Data, rows: Array, lags: int) -> dict[str, Any]:
-    """Centers and scales of outputs and inputs."""
+def scales(data: Data, rows: Array, lags: int, stride: int) -> dict[str, Any]:
+    """Centers and scales of outputs and inputs, with the memory of a network."""
     inputs = np.concatenate(data.inputs)
     deviations = [np.std(data.measured[rows], axis=0), np.std(inputs, axis=0)]
     return {
         "lags": lags,
-        "stride": stride_of(data, lags),
+        "stride": stride,
         "center": [np.mean(data.measured[rows], axis=0).tolist(), np.mean(inputs, axis=0).tolist()],
         "scale": [np.where(own > 0, own, 1.0).tolist() for own in deviations],
     }
