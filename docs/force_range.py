@@ -248,7 +248,7 @@ def details(folder: Path) -> str:
     path = folder / "details.yaml"
     path.write_text(yaml.safe_dump(content, sort_keys=False))
     outcome = run_scenario(load_scenario(path), RunOptions(root=folder, build=ROOT / "build", report=False))
-    rows = ["| reading | PI | PI+FF | PI+FF+BW |", "|---" * 4 + "|"]
+    rows = ["| interpretation | PI | PI+FF | PI+FF+BW |", "|---" * 4 + "|"]
     least, most = dict.fromkeys(CONTROLLERS, np.inf), dict.fromkeys(CONTROLLERS, 0.0)
     for label in DETAILS:
         cells = []

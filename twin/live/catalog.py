@@ -117,7 +117,7 @@ class Catalog:
 
     @property
     def judged_until(self) -> float:
-        """End of what is judged [s]: that of the scenario; infinite where an operator has controls, who goes on."""
+        """End of the judged time [s]: that of the scenario; infinite where an operator has controls and may continue."""
         return math.inf if self.controls else self.stop
 
     @property
