@@ -6,6 +6,7 @@ import re
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from twin.errors import quote_names
 from twin.results import (
     Expectation,
     ExpectationResult,
@@ -13,7 +14,7 @@ from twin.results import (
     Plot,
     count_verdicts,
     find_violations,
-    quote_names,
+    group_lines,
 )
 from twin.run.metric_charts import draw_metric_charts
 from twin.run.report import VERDICTS, has_own_name, is_failure, list_failures, metric_rows
@@ -132,6 +133,8 @@ def report_html(
         key=lambda figure: min(map(order.index, figure.violations), default=len(order)),
     )
     films = scenes.films if scenes else []
+    reason = "; ".join(group_lines(str(summary.get("reason") or "").splitlines(), tables))
+    summary = {**summary, "reason": reason, "notes": group_lines(summary.get("notes", ()), tables)}
     return (
         report_templates("twin.run", "twin.scene")
         .get_template("report.html")
