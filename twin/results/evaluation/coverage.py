@@ -97,7 +97,7 @@ def group_lines(lines: Iterable[str], run: Collection[tuple[str, int]]) -> list[
     """Join lines that differ in the case alone, with which they begin: `PI, seed 1: ...`, as `all variants, all seeds: ...`."""
     names = {f"{variant}, seed {seed}: ": (variant, seed) for variant, seed in run}
     groups: dict[str, list[str]] = {}
-    for line in lines:
+    for line in dict.fromkeys(lines):
         name = next(filter(line.startswith, names), "")
         groups.setdefault(line.removeprefix(name), []).append(name)
     return [
