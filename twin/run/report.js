@@ -2,6 +2,7 @@
 
 import { Chart } from "./chart.js";
 import { unpack, visible } from "./samples.js";
+import { drawViews, elementOf } from "./views.js";
 
 const charts = [];
 let player = null, shownTime = null, isAtStart = false;
@@ -54,6 +55,23 @@ class ReportChart extends Chart {
   }
 }
 
+// Film of the machine as the viewer draws it. `data`: of `machine_film` (recorded_views.py).
+class MachineFilm {
+  constructor(place, { views, time, signals }) {
+    Object.assign(this, { time: unpackTrack(time), instant: 0, picture: place.appendChild(document.createElement("div")) });
+    this.signals = signals.map((track) => ({ ...track, values: unpackTrack(track) }));
+    this.move = drawViews(this.picture, views);
+  }
+
+  show(at) { this.instant = Math.max(before(this.time, at + 1e-9), 0); this.draw(); }
+  draw() {
+    const rowOf = ({ values, count }) => (values.length > count ? this.instant : 0); // what stands has one row
+    this.move(Object.fromEntries(this.signals.map((track) => [track.name, elementOf(track.values, rowOf(track), track.shape)])));
+  }
+  legend() { return []; }
+  listen() { /* nothing is zoomed */ }
+}
+
 // show the curves of a figure on the whole screen, or in their place again
 function enlarge(figure, isLarge) {
   figure.classList.toggle("large", isLarge);
@@ -99,7 +117,8 @@ for (const [id, { panels, marks }] of Object.entries(JSON.parse(document.getElem
 const films = JSON.parse(document.getElementById("films").textContent), stage = document.querySelector(".player");
 if (films.length) {
   document.body.classList.add("with-films");
-  player = new Player(stage, films, () => Math.max(innerHeight * (innerWidth < 1100 ? 0.15 : 0.5), 110), chartTimes);
+  const highest = () => Math.max(innerHeight * 0.2, 110), canvas = stage.querySelector(".view");
+  player = new Player(stage, films.map((data) => (data.views ? new MachineFilm(stage.querySelector(".machine"), data) : new Film(canvas, data, highest))), chartTimes);
   const first = films.findIndex(({ name }) => `, ${name}`.includes(`, ${failing}, seed `));
   if (first > 0) { stage.querySelector(".film").value = first; player.select(first); }
   scrollThrough(stage);

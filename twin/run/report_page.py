@@ -22,7 +22,7 @@ from twin.run.report_figure import ReportFigure
 from twin.run.report_plots import HERE, draw_plots
 from twin.run.variant_matrix import build_matrix
 from twin.scene import page as scene_page
-from twin.web import PackedArrays, chart_script, embed_json, report_templates
+from twin.web import PackedArrays, chart_script, embed_json, read_static, report_templates
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -127,11 +127,16 @@ def report_html(
     arrays = PackedArrays()
     in_curves = [violation for violation in violations if not violation.over_time]
     curves = draw_plots(plots, tables, [row.annotation for row in events], in_curves, arrays, folder)
+    first = next((violation for violation in in_curves if not violation.reduce), None)
     order = [result.name for result in evaluation.expectation_results]
-    figures = sorted(
-        [*curves, *draw_metric_charts(expectations, evaluation)],
-        key=lambda figure: min(map(order.index, figure.violations), default=len(order)),
-    )
+
+    def rank(figure: ReportFigure) -> tuple[bool, bool, bool, int]:
+        """Sort the curve of the first violation over time first, then those of the others, charts of metrics, and what holds."""
+        is_first = first is not None and first.name in figure.violations and bool(figure.panels)
+        numbers = [order.index(name) for name in figure.violations]
+        return not is_first, not numbers, not figure.panels, min(numbers, default=0)
+
+    figures = sorted([*curves, *draw_metric_charts(expectations, evaluation)], key=rank)
     films = scenes.films if scenes else []
     reason = "; ".join(group_lines(str(summary.get("reason") or "").splitlines(), tables))
     summary = {**summary, "reason": reason, "notes": group_lines(summary.get("notes", ()), tables)}
@@ -168,7 +173,7 @@ def report_html(
             refinements=refinements,
             matrix=build_matrix(evaluation, violations),
             titles=SECTIONS,
-            start=next((next(iter(violation.cases.items())) for violation in in_curves if not violation.reduce), None),
+            start=next(iter(first.cases.items())) if first else None,
             incomplete=[
                 f"{variant}, seed {seed}" for (variant, seed), signals in tables.items() if not signals.complete
             ],
@@ -213,11 +218,11 @@ def page_scripts(
     }
     has_script = bool(panels or films)
     return {
-        "player_style": scene_page.player_style() if films else "",
+        "player_style": scene_page.player_style() + read_static("views.css") if films else "",
         "panels": embed_json(panels),
         "films": embed_json(films),
         "names": [film["name"] for film in films],
         "arrays": arrays.texts,
         "rule": RULE.format(parts=max((figure.points // 2 for figure in figures), default=0)),
-        "script": chart_script([*scene_page.PLAYER, HERE / "report.js"]) if has_script else "",
+        "script": chart_script([*scene_page.PLAYER, HERE / "report.js"], views=True) if has_script else "",
     }

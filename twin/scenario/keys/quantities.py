@@ -163,7 +163,9 @@ def resolve(value: Any, variable: MemberVariable, what: str) -> Any:
     violation, advice = variable.outside(resolved)
     if violation:
         is_bare = isinstance(value, int | float) and variable.display_unit not in ("", variable.unit)
-        raise CouplingError(f"{what}{violation}. {advice}" + f" A number without a unit is in {variable.unit}." * is_bare)
+        raise CouplingError(
+            f"{what}{violation}. {advice}" + f" A number without a unit is in {variable.unit}." * is_bare
+        )
     return resolved
 
 
