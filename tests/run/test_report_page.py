@@ -119,7 +119,7 @@ def test_an_order_is_drawn_with_its_margins_after_the_curve_of_the_first_violati
     rows = [result for result in evaluation.metric_results if result.metric.name == "std"]
     assert list(metric_charts.row_bounds(wanted[0], rows)) == [(1, pytest.approx(0.3 * rows[0].mean))]
     section = text[text.index('id="requirements"') : text.index('id="figures"')]
-    assert re.findall(r'<a href="#plot-(\d)">', section) == ["2", "3", "1"]  # in the order of the file
+    assert re.findall(r'<a href="#plot-(\d)">', section) == ["1", "2", "3"]
     assert text.index("<summary>Failed: order</summary>") > text.index('id="plot-1"')
     first = TIME[np.argmax(tables()["PI", 1].values["a.force"] > 0.22)]
     assert f'data-time="{first}" data-variant="PI"' in text

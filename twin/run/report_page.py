@@ -91,14 +91,15 @@ def mark_code(text: str) -> Markup:
 
 
 def link_failures(evaluation: Evaluation, figures: Sequence[ReportFigure]) -> list[tuple[ExpectationResult, str]]:
-    """Return each failure with the element of the page that shows it: its plot, a table, or none."""
-    plots = {
-        name: f"plot-{number}" for number, figure in reversed(list(enumerate(figures, 1))) for name in figure.violations
-    }
+    """Return each failure with the element of the page that shows it, a plot, a table, or none, in the order of the plots."""
+    plots = {name: number for number, figure in reversed(list(enumerate(figures, 1))) for name in figure.violations}
     expectations = [result for result in evaluation.expectation_results if result.verdict == "fail"]
     failures = list_failures(evaluation)
-    targets = [plots.get(result.name, "") for result in expectations]
-    return list(zip(failures, targets + ["figures"] * (len(failures) - len(targets)), strict=True))
+    numbers = [plots.get(result.name, len(figures) + 1) for result in expectations]
+    targets = [f"plot-{number}" if number <= len(figures) else "" for number in numbers]
+    linked = zip(failures, targets + ["figures"] * (len(failures) - len(targets)), strict=True)
+    order = iter([*numbers, *[len(figures) + 2] * (len(failures) - len(numbers))])
+    return sorted(linked, key=lambda failure: next(order))
 
 
 def report_html(
