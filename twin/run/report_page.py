@@ -97,9 +97,9 @@ def link_failures(evaluation: Evaluation, figures: Sequence[ReportFigure]) -> li
     failures = list_failures(evaluation)
     numbers = [plots.get(result.name, len(figures) + 1) for result in expectations]
     targets = [f"plot-{number}" if number <= len(figures) else "" for number in numbers]
-    linked = zip(failures, targets + ["figures"] * (len(failures) - len(targets)), strict=True)
-    order = iter([*numbers, *[len(figures) + 2] * (len(failures) - len(numbers))])
-    return sorted(linked, key=lambda failure: next(order))
+    metrics = [(failure, "figures") for failure in failures[len(expectations) :]]
+    order = sorted(range(len(expectations)), key=numbers.__getitem__)
+    return [*((failures[i], targets[i]) for i in order), *metrics]
 
 
 def report_html(
