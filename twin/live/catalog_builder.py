@@ -14,7 +14,7 @@ from twin.component import unit
 from twin.errors import CouplingError
 from twin.live.catalog import Catalog, CatalogControl, CatalogEvent, CatalogSignal
 from twin.results import si_conversion
-from twin.run.recorded_views import member_class, scene_data, start_values, targets_and_warnings
+from twin.run import member_class, scene_data, start_values, targets_and_warnings
 from twin.scenario import (
     EventSpec,
     connected,

@@ -11,7 +11,7 @@ import numpy as np
 
 from twin.errors import TwinError
 from twin.results import Signals
-from twin.run.recorded_views import (
+from twin.run import (
     RecordedSignal,
     RecordedSystem,
     describe_system,
