@@ -109,6 +109,7 @@ def test_lists_of_names_are_cut():
     assert join_names(["x" * 300, "y"]) == "x" * 300 + " and 1 more"
     assert join_names(["x" * 300]) == "x" * 300
     assert join_names([]) == ""
+    assert join_names(["PI+FF", "PI+FF, replayed"]) == '"PI+FF", "PI+FF, replayed"'
     assert printable("a\x1bb\u202ec\u00e9\u200b") == "a\\x1bb\\u202ecé\u200b"
 
 

@@ -11,9 +11,10 @@ TwinError                one line or several, each: where, what, what was expect
 └── SimulationError      a member failed while running; its recording is kept
 """
 
+import re
 import unicodedata
 from bisect import bisect
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -72,13 +73,19 @@ def find_similar(name: str, names: list[str]) -> list[tuple[str, float]]:
 
 
 def join_names(names: list[str]) -> str:
-    """Join names with commas, at most `LISTED` characters; the rest is counted."""
+    """Join names with commas, quoted where one contains a separator, at most `LISTED` characters; the rest is counted."""
+    names = quote_names(names)
     length = count = 0
     for count, name in enumerate(names):
         length += len(name) + 2
         if length > LISTED and count:
             return f"{', '.join(names[:count])} and {len(names) - count} more"
     return ", ".join(names)
+
+
+def quote_names(names: Sequence[str]) -> list[str]:
+    """Return names of variants or requirements, in quotes if one of them contains a blank or a separator of lists."""
+    return [f'"{name}"' for name in names] if any(re.search(r"[\s,;]", name) for name in names) else [*names]
 
 
 def printable(text: str) -> str:

@@ -161,12 +161,16 @@ def differences(count, *, seeds=(1,), part=0.5):
     )
 
 
+SAME = {"a": "x", "b": "x"}
+
+
 @pytest.fixture
 def compared(calls, monkeypatch):
     """Run `twin compare a b` with this result."""
 
-    def with_result(signals, *words, problems=(), notes=(), overrides=()):
-        summaries = {"a": {"overrides": []}, "b": {"overrides": list(overrides)}}
+    def with_result(signals, *words, problems=(), notes=(), overrides=(), names=SAME):
+        given = {"a": [], "b": list(overrides)}
+        summaries = {run: {"overrides": given[run], "scenario": {"name": names[run]}} for run in "ab"}
         opened = {name: SimpleNamespace(folder=f"folder {name}", summary=summaries[name]) for name in "ab"}
         result = lambda tolerance: Comparison(tuple(signals), tuple(problems), tuple(notes), tolerance)  # noqa: E731
         replace(monkeypatch, "twin.face", open_run=lambda path: opened[str(path)])
@@ -182,12 +186,17 @@ def compared(calls, monkeypatch):
     return with_result
 
 
+SUMMARY = {"overrides": [], "scenario": {"name": "x"}}
+
+
 def test_equal_runs(compared, calls):
     """Signals within the tolerance count as equal, to the limit itself."""
     same = (Difference("x", "PI", 1, 0.0, 0.0), Difference("y", "PI", 1, 1e-12, 1e-9))
     text = "The runs agree: 2 signals, 1 equal to the bit, 1 within 1e-09."
     assert compared(same, notes=["steps differ"]) == (0, [text, "note: steps differ"])
-    assert calls == [(("folder a", "folder b"), ({"overrides": []}, {"overrides": []}), 1e-9, (), ())]
+    assert calls == [(("folder a", "folder b"), (SUMMARY, SUMMARY), 1e-9, (), ())]
+    names = {"a": "x", "b": "y"}
+    assert compared(same, names=names)[1][0] == "note: The runs are of two scenarios: x and y."
     differ = "The runs differ: 0 of 2 signals (1 equal to the bit, 1 within 1e-09)"
     assert compared(same, problems=["metric m differs"]) == (1, [f"{differ}, 1 other difference.", "metric m differs"])
     lines = compared(same, problems=[f"p{i}" for i in range(22)])[1]

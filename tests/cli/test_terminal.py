@@ -67,6 +67,18 @@ def test_also_on_a_terminal(hostile, monkeypatch):
 
 
 @pytest.mark.parametrize("is_terminal", [True, False])
+def test_an_error_is_wrapped_on_a_terminal_alone(monkeypatch, capsys, is_terminal):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: is_terminal)
+    monkeypatch.setattr(sys.stderr, "fileno", lambda: 2)
+    monkeypatch.setattr(terminal.os, "get_terminal_size", lambda number: os.terminal_size((40, 20)))
+    text = "/a/path/that/is/longer/than/a/line/and/stays/whole.yaml: there is no variant `PX`."
+    terminal.show_error(text)
+    lines = capsys.readouterr().err.splitlines()
+    path, _, rest = text.partition(" ")
+    assert lines == ([f"error: {path}", f"       {rest}"] if is_terminal else [f"error: {text}"])
+
+
+@pytest.mark.parametrize("is_terminal", [True, False])
 def test_what_takes_long_is_said_on_a_terminal(monkeypatch, is_terminal):
     class Screen(io.StringIO):
         def isatty(self):

@@ -11,7 +11,7 @@ import pytest
 
 from tests.every_case import every_case
 from twin.component import Component, output, parameter, solver
-from twin.live import RefusedError, member_class
+from twin.live import RefusedError
 from twin.live.catalog_builder import signals_of, space_data, spaces_of
 from twin.live.channel import Channel, ClosedError
 from twin.live.operator import operation_log
@@ -19,6 +19,7 @@ from twin.live.operator.command_checks import MAX_ITEMS, MAX_LETTERS, check_valu
 from twin.live.operator.dead_man_switch import DeadManSwitch
 from twin.live.pacing import DELAY_COUNT, Pace
 from twin.live.recording_reader import RecordingReader
+from twin.run.recorded_views import member_class
 from twin.scenario import EventSpec, MemberSpec, parse_scenario, resolve_variables
 
 

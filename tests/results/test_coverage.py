@@ -9,7 +9,7 @@ import pytest
 
 from twin.results import Expectation, Metric, Signals, Window, evaluate
 from twin.results.evaluation import expression
-from twin.results.evaluation.coverage import list_names
+from twin.results.evaluation.coverage import group_lines, list_names
 
 FORCE = expression.parse("wall.force")
 LIMIT = Expectation("clinical range", signal=FORCE, at_most=0.4, variants=("PI", "FF"), unit="N")
@@ -45,6 +45,18 @@ def test_names_with_commas_are_quoted_and_many_are_counted() -> None:
     assert (
         result.more == 'wall.force is 0 N at 0 s in "PI, replayed", seed 1. Judged in 1 of 2 variants: "PI, replayed".'
     )
+
+
+def test_lines_of_several_cases_are_one() -> None:
+    cases = [(variant, seed) for variant in ("PI", "PI, mine") for seed in (1, 2, 3)]
+    same = [f"{variant}, seed {seed}: force is high" for variant, seed in cases]
+    assert group_lines(same, cases) == ["all variants, all seeds: force is high"]
+    assert group_lines([*same[:3], "PI, mine, seed 2: late", *same[3:5], "step"], cases) == [
+        "PI, all seeds; PI, mine, seeds 1-2: force is high".replace("PI, mine", '"PI, mine"'),
+        "PI, mine, seed 2: late",
+        "step",
+    ]
+    assert group_lines(["PI, seed 1: a", "PI, seed 1: a"], [("PI", 1)]) == ["PI, seed 1: a"]
 
 
 def test_equal_limits_are_one_number() -> None:

@@ -16,6 +16,7 @@ from twin.results import (
     Metric,
     Plot,
     PlotCurve,
+    Signals,
     evaluate,
     expression,
     find_violations,
@@ -25,7 +26,9 @@ from twin.results.recording import run_folder as results
 from twin.results.recording.signals import Window
 from twin.run import metric_charts, report_curves, report_page
 from twin.run.event_table import EventRow
+from twin.run.recorded_views import RecordedSignal, RecordedSystem, machine_film, system_views
 from twin.run.report_plots import draw_plots
+from twin.run.scenes import ReportScenes
 from twin.structure import picture
 from twin.web import PackedArrays
 
@@ -97,8 +100,8 @@ def test_a_curve_is_marked_where_it_violates_its_own_expectations() -> None:
     assert spans("a.force", "PI", 2) == []
 
 
-def test_an_order_is_drawn_with_its_margins_and_failures_come_first() -> None:
-    """A chart for each failed order, no red curve; only the first plot is open; the scene begins at the first violation."""
+def test_an_order_is_drawn_with_its_margins_after_the_curve_of_the_first_violation() -> None:
+    """A chart for each failed order, no red curve; the violated curve alone is open; the scene begins at its violation."""
     metrics = {"std": Metric("std", FORCE, "std", unit="mN")}
     wanted = [
         Expectation("order", metric="std", ordered=("PI", "PI+FF"), margin_part=0.7),
@@ -109,9 +112,9 @@ def test_an_order_is_drawn_with_its_margins_and_failures_come_first() -> None:
     summary = results.build_summary(results.RunInfo("x"), evaluation, tables()) | {"sentence": ""}
     text = report_page.report_html(summary, evaluation, tables(), plots=PLOTS[:1], expectations=wanted)
     assert re.findall("<figcaption><b>(.*?)</b>", text) == [
+        "Force &lt;per&gt; controller",
         "Failed: order",
         "Failed: other order",
-        "Force &lt;per&gt; controller",
     ]
     charts = metric_charts.draw_metric_charts(wanted, evaluation)
     assert [figure.violations for figure in charts] == [("order",), ("other order",)]
@@ -119,11 +122,8 @@ def test_an_order_is_drawn_with_its_margins_and_failures_come_first() -> None:
     rows = [result for result in evaluation.metric_results if result.metric.name == "std"]
     assert list(metric_charts.row_bounds(wanted[0], rows)) == [(1, pytest.approx(0.3 * rows[0].mean))]
     section = text[text.index('id="requirements"') : text.index('id="figures"')]
-    assert [section.index(f'<a href="#plot-{k}">') for k in (1, 2, 3)] == sorted(
-        section.index(f'<a href="#plot-{k}">') for k in (1, 2, 3)
-    )
-    assert text.index("<summary>Failed: other order</summary>") > text.index('id="plot-1"')
-    assert "<summary>Failed: order</summary>" not in text
+    assert re.findall(r'<a href="#plot-(\d)">', section) == ["1", "2", "3"]
+    assert text.index("<summary>Failed: order</summary>") > text.index('id="plot-1"')
     first = TIME[np.argmax(tables()["PI", 1].values["a.force"] > 0.22)]
     assert f'data-time="{first}" data-variant="PI"' in text
 
@@ -224,8 +224,13 @@ def test_panes_share_a_legend_and_a_figure_is_enlarged(page) -> None:
     large = page.locator("#plot-1 .twin-chart").bounding_box()
     assert large["height"] > 1.5 * before["height"]
     assert page.evaluate("document.querySelector('#plot-1').scrollWidth") <= 1400
+    select = page.locator("#plot-1 .pane")
+    select.select_option("PI+FF")
+    assert page.evaluate(f"{CHARTS}[0].panes.map((pane) => pane.title)") == ["PI+FF"]
     page.keyboard.press("Escape")
     page.wait_for_function(f"{CHARTS}[0].height < 500")
+    assert page.evaluate(f"{CHARTS}[0].panes.length") == 2
+    assert not select.is_visible()
     assert page.locator("#plot-1 .enlarge").inner_text() == "Enlarge"
 
 
@@ -323,6 +328,35 @@ def test_the_scene_folds_and_commands_are_whole(page) -> None:
         page.set_viewport_size({"width": width, "height": 800})
         cut = "(all) => all.filter((one) => one.scrollWidth > one.clientWidth + 1 || getComputedStyle(one).textOverflow === 'ellipsis').length"
         assert page.eval_on_selector_all(".command code", cut) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [360, 900, 1400])
+def test_the_machine_is_drawn_as_in_the_viewer_and_moves_with_the_time(browser, tmp_path, width) -> None:
+    signals = Signals(TIME, {"axis.position": 0.01 * TIME})
+    members, kinds = {"axis": "Servomotor"}, {"axis.position": RecordedSignal("axis.position", "output")}
+    film = machine_film(system_views(RecordedSystem(members, kinds)), signals, 100_000)
+    films = [{"name": f"{variant}, seed 1", **film} for variant in ("PI", "PI+FF")]
+    written(tmp_path, scenes=ReportScenes(films, []))
+    page, wrong = browser.new_page(viewport={"width": width, "height": 800}), []
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.goto(f"file://{tmp_path}/report.html")
+    page.locator(".machine svg:visible .on").scroll_into_view_if_needed()
+    assert page.locator(".machine svg:visible").count() == 1
+    assert not page.locator(".player .fit").is_visible()
+    page.locator(".player .time").fill("1499")
+    page.wait_for_function("document.querySelector('.machine .on').textContent === '50.0 mm'")
+    page.locator(".player .film").select_option("1")
+    assert page.locator(".machine svg:visible .on").text_content() == "50.0 mm"
+    stage = page.locator("details.stage").bounding_box()
+    assert stage["height"] < 300
+    assert page.evaluate("document.documentElement.scrollWidth") == width
+    letters = page.locator(".machine svg:visible text").evaluate_all(
+        "(all) => all.filter((one) => one.textContent && getComputedStyle(one).display !== 'none').map((one) => one.getBoundingClientRect().height)"
+    )
+    assert min(letters) >= 8.0
+    assert wrong == []
+    page.close()
 
 
 @pytest.mark.slow

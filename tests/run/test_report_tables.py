@@ -80,7 +80,7 @@ def test_members_with_set_parameters_come_first():
 )
 def test_scripts_are_there_where_something_needs_them(monkeypatch, figures, films, has_script, panels, parts):
     monkeypatch.setattr(report_page, "embed_json", json.dumps)
-    monkeypatch.setattr(report_page, "chart_script", lambda files: files[-1].name)
+    monkeypatch.setattr(report_page, "chart_script", lambda files, views: files[-1].name * views)
     found = page_scripts(figures, films, PackedArrays())
     assert (found["script"], bool(found["player_style"])) == ("report.js" * has_script, bool(films))
     assert (found["panels"], found["names"]) == (panels, ["film"] * bool(films))

@@ -5,9 +5,9 @@ import pytest
 
 from tests.viewer.recorded import SHAPE, folder_of
 from twin.errors import SceneError
-from twin.results import list_recorded_variables, read_variables
-from twin.run import scenes
-from twin.scenario import lint
+from twin.results import Signals, list_recorded_variables, read_variables
+from twin.run import recorded_views, resolve_catalogs, scenes
+from twin.scenario import lint, parse_scenario
 
 SCENARIO = """
 title: Tips
@@ -124,3 +124,39 @@ def test_scenes_of_a_report(run, monkeypatch):
     assert [film["name"] for film in scenes.report_scenes(every, one_case).films] == ["Near", "Far"]
     assert [film["name"] for film in scenes.report_scenes(every[:1], one_case).films] == ["Near"]
     assert scenes.report_scenes(every, {}) == scenes.ReportScenes([], [])
+
+
+RIG = """
+stop_time: 2 s
+members:
+  axis: {component: servomotor}
+  grip: {component: braided_sleeve, parameters: {relaxed_diameter: 9 mm}}
+variants: {PI: {}, PI+FF: {members: {grip: null}}, later: {}}
+"""
+
+
+def test_the_machine_replaces_the_lines_of_a_scene(run):
+    """Views of components with their sizes and values in SI; what stands has one row; a variant without a case has none."""
+    scenario = parse_scenario(RIG, "rig.yaml")
+    values = {"axis.position": 1e3 * TIME, "axis.limited": np.zeros(4), "grip.diameter": np.full(4, 7e-3)}
+    recorded = {
+        ("PI", 1): Signals(TIME, values, {"axis.position": "mm"}),
+        ("PI+FF", 1): Signals(TIME, {"axis.position": TIME}),
+    }
+    views = recorded_views.variant_views(scenario, scenario.variants, resolve_catalogs(scenario), recorded)
+    assert {name: [part["kind"] for view in own for part in view["parts"]] for name, own in views.items()} == {
+        "PI": ["carriage", "sleeve"],
+        "PI+FF": ["carriage"],
+    }
+    assert views["PI"][0]["parts"][1]["sizes"]["relaxed_diameter"] == pytest.approx(9e-3)
+    film = recorded_views.machine_film(views["PI"], recorded["PI", 1], 1000)
+    rows = {track["name"]: len(track["data"]) * 3 // 4 // 2 for track in film["signals"]}
+    assert rows == {"axis.position": 4, "axis.limited": 1, "grip.diameter": 1}
+    (position,) = (track for track in film["signals"] if track["name"] == "axis.position")
+    assert position["low"] + position["step"] * 65534 == pytest.approx(1.5)
+    folder = run()
+    every = lint(folder / "scenario.yaml", imports=False)[0].scenes
+    films = scenes.report_scenes(
+        every[:1], tables(folder), {"PI": [{"parts": [{"signals": {"shape": "tip.shape"}}]}]}
+    ).films
+    assert [(film["name"], "views" in film) for film in films] == [("PI, seed 2", True), ("PI+FF, seed 2", False)]

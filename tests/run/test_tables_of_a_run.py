@@ -217,11 +217,20 @@ def test_a_matrix_has_metrics_with_a_reference_before_others() -> None:
     assert [name for name, _, _ in found.columns] == ["b", "a", "c"]
 
 
+def values_that_are(text: str) -> dict[tuple[str, int], Signals]:
+    values = {"a.force": np.full(2, float(text))}
+    return {(variant, 1): Signals(np.arange(2.0), values, {"a.force": "N"}) for variant in ("PI", "FF")}
+
+
 def test_lines_of_failures() -> None:
     evaluation, _ = two_variants()
     assert [(one.name, one.detail, one.more) for one in report.list_failures(evaluation)] == [
         ("small", "60 mN, expected at most 40 mN; FF.", "mean is 60 mN in FF, seed 1."),
         ("last, FF", "60 mN, the paper: 50 mN ± 10 %.", ""),
+    ]
+    nothing = evaluate({"m": Metric("m", FORCE, "mean", paper={"PI": 1.0, "FF": 1.0})}, [], values_that_are("nan"))
+    assert [(one.name, one.detail) for one in report.list_failures(nothing)] == [
+        ("m, PI and FF", "no value, the paper: 1 -.")
     ]
     rows = {row["metric"] + row["variant"]: row for row in report.metric_rows(evaluation.metric_results)}
     assert rows["lastFF"] == {

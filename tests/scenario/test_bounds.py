@@ -75,6 +75,16 @@ def test_in_options_and_parameter_sets():
     assert line == "s.yaml:3: sensor.noise: -1 mN is below the minimum. Give at least 0 mN."
 
 
+def test_the_unit_of_a_number_without_one_is_named():
+    (line,) = found("{component: sheath}", "{component: heart}", "sheath.amplitude=3")
+    assert line == (
+        "--set sheath.amplitude=3: sheath.amplitude[1]: 3000 mm is above the maximum. Give 0 mm to 100 mm. "
+        "A number without a unit is in m."
+    )
+    (line,) = found("{component: sheath}", "{component: heart}", "sheath.amplitude=3 m")
+    assert line.endswith("Give 0 mm to 100 mm.")
+
+
 def variable(**keys) -> MemberVariable:
     return MemberVariable("x", "parameter", "tunable", "Float64", np.dtype(np.float64), **keys)
 

@@ -56,7 +56,7 @@ WRONG = {
     "along nonsense": ("command.pressed, along: {command.live: 1}", "command.live: expected true or false, not 1."),
     "three keys": (
         "command.pressed, keys: [a, b, c]",
-        "console.controls[1].keys: expected at most 2 values, not a list.",
+        "console.controls[1].keys: expected at most 2 values, not 3.",
     ),
     "a stick": ("command.pressed, stick: z", "console.controls[1].stick: `z` is not known."),
     "a dead zone": ("command.pressed, dead_zone: 100 %", "console.controls[1].dead_zone"),

@@ -124,6 +124,12 @@ def test_what_moves_is_in_millimeters_and_newtons():
     assert frame["forces"] == [{"at": [1.0, 0.0, 5.0], "vector": [0.0, -0.2, 0.0]}]
 
 
+@pytest.mark.filterwarnings("error")
+def test_huge_values_of_a_run_that_failed_warn_of_nothing():
+    frame = view().frame(rows(**{"a.x": 1e200, "a.y": -1e200, "a.s": np.inf}))
+    assert frame["points"][0] is None
+
+
 def test_signals_in_other_units_and_missing_values():
     assert view(**{"a.s": "mm"}).frame(rows(**{"a.s": 20.0}))["points"][0] == [0.0, 0.0, 20.0]
     frame = view().frame(rows(**{"a.s": np.nan, "a.f": np.nan, "a.x": np.nan}))

@@ -7,7 +7,8 @@ from tests.scenario.texts import variable
 from tests.viewer.pages import Page, viewed
 from tests.viewer.recorded import folder_of, runs
 from twin.results.recording.run_folder import RecordedVariable
-from twin.viewer.scene_data import Scenes, limits_in_si
+from twin.run.recorded_views import limits_in_si
+from twin.viewer.scene_data import Scenes
 
 NAMES = ("axis.position", "axis.velocity", "axis.current", "axis.limited", "grip.diameter", "grip.gripping")
 SCENARIO = "title: rig\nstop_time: 1 s\nstep: 1 ms\nmembers:\n  axis: {component: servomotor}\n  grip: {component: COMPONENT, parameters: {relaxed_diameter: 9 mm}}\n"

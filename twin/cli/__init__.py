@@ -17,7 +17,7 @@ import click
 
 from twin import __version__
 from twin.cli.plugins import plugin_commands, summary
-from twin.cli.terminal import handle_broken_pipe, open_streams, say
+from twin.cli.terminal import handle_broken_pipe, open_streams, say, show_error
 from twin.errors import TwinError, nearest, printable
 from twin.process import command_line, end, handle_signals, is_interrupted, memory_is_limited
 
@@ -26,7 +26,7 @@ __all__ = ["group", "invoke", "main", "say"]
 
 COMMANDS = {  # by task
     "Run and look": {
-        "demo": "show three commands to begin with",
+        "demo": "show three commands to begin with, as `twin` alone does",
         "list": "list scenarios, studies, components, drive profiles and runs",
         "describe": "show variables, units and bounds of a component, scenario or FMU",
         "run": "run a scenario: all variants and seeds, metrics, report",
@@ -186,7 +186,7 @@ def run_command(command: click.Command, name: str) -> int:
         return error.exit_code
     except (TwinError, OSError, MemoryError) as error:
         for line in error_lines(error):
-            say(f"error: {line}", err=True)
+            show_error(line)
         return 1
     except (click.Abort, KeyboardInterrupt):  # Abort is a subclass of RuntimeError
         return report_interruption()

@@ -56,6 +56,9 @@ def command(
     runs = open_run(first), open_run(second)
     folders, summaries = (runs[0].folder, runs[1].folder), (runs[0].summary, runs[1].summary)
     comparison = compare_runs(folders, summaries, tolerance, patterns, variants)
+    names = list(dict.fromkeys(summary["scenario"]["name"] for summary in summaries))
+    if len(names) > 1:
+        show_text(f"The runs are of two scenarios: {names[0]} and {names[1]}.", "note: ")
     show_text(comparison.headline)
     if summaries[0]["overrides"] != summaries[1]["overrides"]:
         for word, summary in zip(("first", "second"), summaries, strict=True):

@@ -18,7 +18,7 @@ EXAMPLES = {
 
 @click.command("demo")
 def command() -> None:
-    """Show three commands to begin with, and what each of them shows."""
+    """Show three commands to begin with, and what each of them shows: the same as `twin` alone."""
     show_examples()
 
 

@@ -26,7 +26,7 @@ from twin.cli.options import (
     verbose_option,
 )
 from twin.cli.progress import ProgressBar
-from twin.cli.terminal import open_console, say, show_elapsed, show_outcome, show_text
+from twin.cli.terminal import open_console, say, show_elapsed, show_error, show_outcome, show_text
 from twin.errors import TwinError
 from twin.process import supervise
 
@@ -301,6 +301,7 @@ class RunProgress(ProgressBar):
 
 def show(outcome: RunResult, report: bool, verbose: bool = False) -> None:
     """Print the metrics, the expectations, notes, and the verdict with the path of the results."""
+    from twin.results import group_lines
     from twin.run import results_table
 
     console = open_console()
@@ -310,7 +311,7 @@ def show(outcome: RunResult, report: bool, verbose: bool = False) -> None:
     if outcome.scenario.overrides:
         show_text(", ".join(with_unit(option, outcome) for option in outcome.scenario.overrides), "set: ")
     console.print(results_table(outcome.evaluation, verbose))
-    for note in outcome.run.extra.get("notes", []):
+    for note in group_lines(outcome.run.extra.get("notes", []), outcome.tables):
         show_text(note, "note: ")
     for line in outcome.run.extra.get("hardware", {}).get("shown", []):
         console.print(line)
@@ -321,8 +322,8 @@ def show(outcome: RunResult, report: bool, verbose: bool = False) -> None:
         for line in list(outcome.terminations.values())[-1].log:
             console.print(f"on the bus at {line}")
     if outcome.run.status != "completed":
-        for line in outcome.run.reason.splitlines():
-            say(f"{outcome.run.status}: {line}", err=True)
+        for line in group_lines(outcome.run.reason.splitlines(), outcome.tables):
+            show_error(line, f"{outcome.run.status}: ")
     show_verdict(outcome, report)
 
 

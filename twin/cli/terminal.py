@@ -73,17 +73,29 @@ def show_text(text: str, label: str = "", style: str = "") -> None:
 
     Lines are not broken at a NO_BREAK_SPACE.
     """
-    from textwrap import wrap
-
     from rich.text import Text
 
-    console, indent = open_console(), " " * len(label)
-    width = max(console.width - len(label), 20)
+    console = open_console()
+    for begin, words in wrap_text(text, label, console.width):
+        console.print(Text.assemble((begin, style), words), soft_wrap=True)
+
+
+def show_error(text: str, label: str = "error: ") -> None:
+    """Print a line to stderr, on a terminal wrapped as by `show_text`."""
+    columns = os.get_terminal_size(sys.stderr.fileno()).columns if sys.stderr.isatty() else 0
+    for begin, words in wrap_text(text, label, columns or UNLIMITED):
+        say(begin + words, err=True)
+
+
+def wrap_text(text: str, label: str, columns: int) -> Iterator[tuple[str, str]]:
+    """Iterate over the lines of a text, each with the label, or blanks of its length, before it."""
+    from textwrap import wrap
+
     # a path longer than a line stays whole, so that it can be copied
+    width = max(columns - len(label), 20)
     lines = wrap(printable(text), width, break_long_words=False, break_on_hyphens=False) or [""]
     for i, line in enumerate(lines):
-        words = line.replace(NO_BREAK_SPACE, " ")
-        console.print(Text.assemble((label, style) if i == 0 else indent, words), soft_wrap=True)
+        yield " " * len(label) if i else label, line.replace(NO_BREAK_SPACE, " ")
 
 
 def show_outcome(word: str, sentence: str, file: Path, command: str, *, prefix: str = "", end: str = " ") -> None:

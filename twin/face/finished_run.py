@@ -9,7 +9,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
+from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest, quote_names
 from twin.face import arrays, notebook
 from twin.face.conversions import as_list, choice, mapping, nanoseconds, override_text, python_option_names
 from twin.face.interactive import interactive_figure, is_plotly_installed
@@ -27,7 +27,6 @@ from twin.results import (
     find_results,
     list_recorded_variables,
     plotting,
-    quote_names,
     read_variables,
     si_conversion,
 )

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin.component import Component
-from twin.errors import ScenarioError
+from twin.errors import ScenarioError, quote_names
 from twin.face import notebook
 from twin.face.conversions import (
     as_list,
@@ -24,7 +24,6 @@ from twin.face.finished_run import Run
 from twin.face.progress import progress_callback
 from twin.face.simulation import Simulation, sourceless
 from twin.former import former_argument
-from twin.results import quote_names
 from twin.run import RunCallbacks, RunOptions, refuse_faults, resolve_catalogs, run_scenario
 from twin.scenario import Backend, changed, lint
 

@@ -2,10 +2,6 @@ from .catalog import Catalog as Catalog
 from .catalog import CatalogControl as CatalogControl
 from .catalog import CatalogEvent as CatalogEvent
 from .catalog import CatalogSignal as CatalogSignal
-from .catalog_builder import member_class as member_class
-from .catalog_builder import scene_data as scene_data
-from .catalog_builder import start_values as start_values
-from .catalog_builder import targets_and_warnings as targets_and_warnings
 from .channel import Channel as Channel
 from .channel import ClosedError as ClosedError
 from .live_session import OVER as OVER

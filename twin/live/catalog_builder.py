@@ -10,34 +10,30 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
-from twin.component import catalog as components
 from twin.component import unit
 from twin.errors import CouplingError
 from twin.live.catalog import Catalog, CatalogControl, CatalogEvent, CatalogSignal
 from twin.results import si_conversion
+from twin.run import member_class, scene_data, start_values, targets_and_warnings
 from twin.scenario import (
     EventSpec,
     connected,
     controls_of,
     event_problems,
-    resolve_targets,
-    resolve_warning,
     short,
     slider_range,
     space_problem,
 )
-from twin.scene import page
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from twin.coupling import Catalog as Variables
     from twin.coupling import CoSimulation, MemberVariable
-    from twin.scenario import Case, FaultSpec, MemberSpec, ScenarioSpec
+    from twin.scenario import Case, FaultSpec, ScenarioSpec
     from twin.scene import Scene
 
 MAX_RECORDED_ELEMENTS = 16  # elements of an array that is recorded by default
-MAX_START_ELEMENTS = 64  # elements of an array whose start value is sent
 KINDS = {"output": "output", "input": "input", "parameter": "parameter", "structuralParameter": "parameter"}
 EVENT_VERBS = {"set": "set to", "override": "overridden by", "release": "released"}
 
@@ -116,20 +112,6 @@ def catalog_of(
     )
 
 
-def scene_data(scene: Scene) -> dict[str, Any]:
-    """Return a scene as plain data: what stands, and the names of the signals that move. Expressions are left out."""
-    motions = {name: spec.single.name for name, spec in scene.motions.items() if spec.single is not None}
-    return {
-        "title": scene.title,
-        "walls": [page.wall_data(wall) for wall in (scene.environment.walls if scene.environment else ())],
-        "axes": list(scene.axes),
-        "motions": motions,
-        "lines": [{"signal": line.signal, "width": 1e3 * line.width} for line in scene.lines],
-        "points": [{"signal": mark.signal, "label": mark.label} for mark in scene.points if mark.signal],
-        "arrows": [{"signal": arrow.signal, "at": arrow.at} for arrow in scene.arrows],
-    }
-
-
 def spaces_of(scenario: ScenarioSpec, variant: str, variables: Variables) -> list[Scene]:
     """Return the scenes in three dimensions of a variant that has all of their signals."""
     scenes = [scene for scene in scenario.scenes if variant in (scene.variants or (variant,))]
@@ -172,20 +154,6 @@ def listed_parameters(
     }
 
 
-def targets_and_warnings(
-    scenario: ScenarioSpec, catalog: Variables
-) -> tuple[dict[str, Any], tuple[dict[str, Any], ...]]:
-    """Return the targets and warnings of a scenario whose signals this variant has."""
-    targets, warnings = dict[str, Any](), list[dict[str, Any]]()
-    if scenario.console_targets is not None:
-        with suppress(CouplingError):
-            targets = resolve_targets(scenario.console_targets, catalog)
-    for spec in scenario.console_warnings:
-        with suppress(CouplingError):
-            warnings.append(resolve_warning(spec, catalog))
-    return targets, tuple(warnings)
-
-
 def signals_of(case: Case, simulated: CoSimulation, held: set[str], wall_clock: bool) -> dict[str, CatalogSignal]:
     """Return the signals of all members by name. `held`: inputs of controls; `wall_clock`: drives determine the time."""
     variables = {name: member.variables for name, member in simulated.members.items()}
@@ -226,32 +194,6 @@ def signals_of(case: Case, simulated: CoSimulation, held: set[str], wall_clock: 
 def steps_to_common(case: Case, simulated: CoSimulation) -> int:
     """Return the communication steps between points common to all members."""
     return lcm(*(period // case.step_ns for period in simulated.periods.values()))
-
-
-def member_class(spec: MemberSpec) -> str:
-    """Return the class name of a member's component, or the name of its file."""
-    if "#" in spec.component or spec.component.endswith((".fmu", ".csv")):
-        return spec.component.rpartition("/")[2]
-    made: Any = spec.made or components.component(spec.component)
-    name: str = getattr(made, "replaced", made).__name__  # a drive shows as the member that it stands for
-    return name
-
-
-def start_values(case: Case, member: str, variables: Mapping[str, MemberVariable]) -> dict[str, Any]:
-    """Return the start values of a member's numeric variables as plain data, in their units; None if there is none or if it is long."""
-    given = dict[str, Any]()
-    with suppress(CouplingError):  # a drive stands for the member that the file sets
-        given = case.values(member, variables)
-    starts = {name: given.get(name, variable.start) for name, variable in variables.items() if variable.connectable}
-    return {
-        name: None if start is None or variables[name].size > MAX_START_ELEMENTS else finite_data(start)
-        for name, start in starts.items()
-    }
-
-
-def finite_data(value: Any) -> Any:
-    """Return numbers as plain data; None if one is not finite."""
-    return np.asarray(value).tolist() if np.all(np.isfinite(np.asarray(value, float))) else None
 
 
 def control(bounded: Any) -> CatalogControl:

@@ -9,9 +9,9 @@ from .comparison import compare_runs as compare_runs
 from .evaluation import dimension as dimension
 from .evaluation import expression as expression
 from .evaluation.coverage import ends_before as ends_before
+from .evaluation.coverage import group_lines as group_lines
 from .evaluation.coverage import join_numbers as join_numbers
 from .evaluation.coverage import list_names as list_names
-from .evaluation.coverage import quote_names as quote_names
 from .evaluation.expression import Expression as Expression
 from .evaluation.hardware_termination import HardwareTermination as HardwareTermination
 from .evaluation.metric_format import MILLI_UNITS as MILLI_UNITS

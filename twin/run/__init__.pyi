@@ -19,6 +19,16 @@ from .event_table import event_rows as event_rows
 from .executor import run_scenario as run_scenario
 from .options import RunCallbacks as RunCallbacks
 from .options import RunOptions as RunOptions
+from .recorded_views import RecordedSignal as RecordedSignal
+from .recorded_views import RecordedSystem as RecordedSystem
+from .recorded_views import describe_system as describe_system
+from .recorded_views import expectations_of as expectations_of
+from .recorded_views import member_class as member_class
+from .recorded_views import moving_signals as moving_signals
+from .recorded_views import scene_data as scene_data
+from .recorded_views import start_values as start_values
+from .recorded_views import system_views as system_views
+from .recorded_views import targets_and_warnings as targets_and_warnings
 from .recovery import recover as recover
 from .recovery import resume as resume
 from .report import MetricTable as MetricTable

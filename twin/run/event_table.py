@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from twin import clock
-from twin.results import EventLine, quote_names
+from twin.errors import quote_names
+from twin.results import EventLine
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

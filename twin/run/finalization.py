@@ -86,8 +86,10 @@ def write_summary_and_report(
         from twin.run import report_page, scenes
         from twin.run.event_table import event_rows
         from twin.run.parameter_table import parameter_rows
+        from twin.run.recorded_views import variant_views
 
         distinct = list({case.variant: case for case in cases}.values())
+        views = variant_views(result.scenario, distinct, result.catalogs, result.tables)
         text = report_page.report_html(
             result.summary,
             result.evaluation,
@@ -95,7 +97,7 @@ def write_summary_and_report(
             plots=result.scenario.plots,
             parameters=parameter_rows(distinct, result.catalogs, str(result.scenario.path)),
             events=event_rows(distinct, result.summary.get(OCCURRENCES, ())),
-            scenes=scenes.report_scenes(result.scenario.scenes, result.tables),
+            scenes=scenes.report_scenes(result.scenario.scenes, result.tables, views),
             pictures=pictures,
             terminations=result.terminations,
             structures=list(result.structures.items()),

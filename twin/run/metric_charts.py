@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from twin.results import Evaluation, Expectation, MetricFormat, MetricResult
 
+WIDTH = 4.0  # [inch]: legible at 360 px
 MAX_ROWS = 12  # variants of a chart
 
 
@@ -81,7 +82,7 @@ def chart_svg(expectation: Expectation, rows: Sequence[MetricResult], style: Met
         axis.margins(x=0.1)
         axis.set_xlabel(plotting.axis_label(metric.name, style.unit))
 
-    return figure_files.render_svg((figure_files.WIDTH, 0.7 + 0.36 * len(rows)), expectation.name or metric.name, draw)
+    return figure_files.render_svg((WIDTH, 0.7 + 0.36 * len(rows)), expectation.name or metric.name, draw)
 
 
 def row_bounds(expectation: Expectation, rows: Sequence[MetricResult]) -> Iterable[tuple[int, float]]:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.component import catalog
-from twin.results import MILLI_UNITS, quote_names, si_conversion
+from twin.errors import quote_names
+from twin.results import MILLI_UNITS, si_conversion
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

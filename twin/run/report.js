@@ -2,6 +2,7 @@
 
 import { Chart } from "./chart.js";
 import { unpack, visible } from "./samples.js";
+import { drawViews, elementOf } from "./views.js";
 
 const charts = [];
 let player = null, shownTime = null, isAtStart = false;
@@ -15,14 +16,23 @@ const legendOf = (pane) => JSON.stringify(pane.curves.map(({ label, color, dash 
 class ReportChart extends Chart {
   constructor(element, panes, marks) {
     const isLoop = panes[0].own;
-    element.style.setProperty("--panes", panes.length);
     element.classList.toggle("loop", !!isLoop);
     super(element, { panes, marks: isLoop ? [] : marks, source: curvesOf(isLoop) });
     this.notify = (event, detail) => this.share(event, detail);
+    this.allPanes = panes;
+    this.showPane("");
     element.chart = this; // for tests, and for the console of the browser
     element.addEventListener("pointermove", () => { if (typeof this.hover?.at === "number") showTime(this.hover.at, this); });
     element.addEventListener("pointerleave", () => this.setTime(shownTime));
     scrollThrough(element);
+  }
+
+  // show the pane of a title alone, or all panes
+  showPane(title) {
+    const panes = this.allPanes.filter((pane) => !title || pane.title === title), element = this.legends.parentElement;
+    element.hidden = !panes.length;
+    element.style.setProperty("--panes", panes.length);
+    this.setPanes(panes);
   }
 
   legend(pane, index) {
@@ -54,11 +64,38 @@ class ReportChart extends Chart {
   }
 }
 
+// Film of the machine as the viewer draws it. `data`: of `machine_film` (recorded_views.py).
+class MachineFilm {
+  constructor(place, { views, time, signals }) {
+    Object.assign(this, { time: unpackTrack(time), instant: 0, picture: place.appendChild(document.createElement("div")) });
+    this.signals = signals.map((track) => ({ ...track, values: unpackTrack(track) }));
+    this.move = drawViews(this.picture, views);
+  }
+
+  show(at) { this.instant = Math.max(before(this.time, at + 1e-9), 0); this.draw(); }
+  draw() {
+    const rowOf = ({ values, count }) => (values.length > count ? this.instant : 0); // what stands has one row
+    this.move(Object.fromEntries(this.signals.map((track) => [track.name, elementOf(track.values, rowOf(track), track.shape)])));
+  }
+  legend() { return []; }
+  listen() { /* nothing is zoomed */ }
+}
+
 // show the curves of a figure on the whole screen, or in their place again
 function enlarge(figure, isLarge) {
   figure.classList.toggle("large", isLarge);
   document.body.classList.toggle("with-large", isLarge);
   figure.querySelector(".enlarge").textContent = isLarge ? "Close" : "Enlarge";
+  const select = figure.querySelector(".pane");
+  if (select && !isLarge) { select.value = ""; select.onchange(); }
+}
+
+// the panes of a figure by their titles, one of which is shown alone where the figure is large
+function paneSelect(own) {
+  const titles = own.flatMap((chart) => chart.allPanes.map(({ title }) => title)), select = document.createElement("select");
+  Object.assign(select, { className: "pane", ariaLabel: "Panes", onchange: () => { for (const chart of own) chart.showPane(select.value); } });
+  select.append(new Option("all panes", ""), ...titles.map((title) => new Option(title)));
+  return titles.length > 1 && titles.every(Boolean) ? [select] : [];
 }
 addEventListener("keydown", (event) => { const figure = event.key === "Escape" && document.querySelector("figure.large"); if (figure) enlarge(figure, false); });
 
@@ -93,13 +130,16 @@ for (const [id, { panels, marks }] of Object.entries(JSON.parse(document.getElem
   figure.classList.add("live");
   const button = figure.querySelector("figcaption").appendChild(document.createElement("button"));
   Object.assign(button, { type: "button", className: "enlarge", textContent: "Enlarge", onclick: () => enlarge(figure, !figure.classList.contains("large")) });
-  for (const panes of panels) charts.push(new ReportChart(box.appendChild(document.createElement("div")), panes, marks));
+  const own = panels.map((panes) => new ReportChart(box.appendChild(document.createElement("div")), panes, marks));
+  charts.push(...own);
+  button.before(...paneSelect(own));
 }
 
 const films = JSON.parse(document.getElementById("films").textContent), stage = document.querySelector(".player");
 if (films.length) {
   document.body.classList.add("with-films");
-  player = new Player(stage, films, () => Math.max(innerHeight * (innerWidth < 1100 ? 0.15 : 0.5), 110), chartTimes);
+  const highest = () => Math.max(innerHeight * 0.2, 110), canvas = stage.querySelector(".view");
+  player = new Player(stage, films.map((data) => (data.views ? new MachineFilm(stage.querySelector(".machine"), data) : new Film(canvas, data, highest))), chartTimes);
   const first = films.findIndex(({ name }) => `, ${name}`.includes(`, ${failing}, seed `));
   if (first > 0) { stage.querySelector(".film").value = first; player.select(first); }
   scrollThrough(stage);

@@ -62,13 +62,15 @@ def metric_cells(result: MetricResult, style: MetricFormat) -> dict[str, str]:
 
 
 def list_failures(evaluation: Evaluation) -> list[ExpectationResult]:
-    """Return the failed expectations, and the metrics outside their tolerance as such."""
+    """Return the failed expectations, and the metrics outside their tolerance as such, variants with one text together."""
     failures = [result for result in evaluation.expectation_results if result.verdict == "fail"]
+    variants: dict[tuple[str, str], list[str]] = {}
     for row in filter(is_failure, metric_rows(evaluation.metric_results)):
         reference = f", the paper: {row['paper']} {row['tolerance']}" if row["paper"] != "-" else ""
-        name = f"{row['description'] or row['metric']}, {row['variant']}"
-        failures.append(ExpectationResult(name, "fail", f"{row['mean']}{reference}."))
-    return failures
+        key = row["description"] or row["metric"], f"{row['mean']}{reference}."
+        variants.setdefault(key, []).append(row["variant"])
+    metrics = [ExpectationResult(f"{name}, {list_names(own)}", "fail", text) for (name, text), own in variants.items()]
+    return [*failures, *metrics]
 
 
 def is_failure(row: Mapping[str, str]) -> bool:

@@ -6,6 +6,7 @@ import re
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from twin.errors import quote_names
 from twin.results import (
     Expectation,
     ExpectationResult,
@@ -13,7 +14,7 @@ from twin.results import (
     Plot,
     count_verdicts,
     find_violations,
-    quote_names,
+    group_lines,
 )
 from twin.run.metric_charts import draw_metric_charts
 from twin.run.report import VERDICTS, has_own_name, is_failure, list_failures, metric_rows
@@ -21,7 +22,7 @@ from twin.run.report_figure import ReportFigure
 from twin.run.report_plots import HERE, draw_plots
 from twin.run.variant_matrix import build_matrix
 from twin.scene import page as scene_page
-from twin.web import PackedArrays, chart_script, embed_json, report_templates
+from twin.web import PackedArrays, chart_script, embed_json, read_static, report_templates
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -90,14 +91,15 @@ def mark_code(text: str) -> Markup:
 
 
 def link_failures(evaluation: Evaluation, figures: Sequence[ReportFigure]) -> list[tuple[ExpectationResult, str]]:
-    """Return each failure with the element of the page that shows it: its plot, a table, or none."""
-    plots = {
-        name: f"plot-{number}" for number, figure in reversed(list(enumerate(figures, 1))) for name in figure.violations
-    }
+    """Return each failure with the element of the page that shows it, a plot, a table, or none, in the order of the plots."""
+    plots = {name: number for number, figure in reversed(list(enumerate(figures, 1))) for name in figure.violations}
     expectations = [result for result in evaluation.expectation_results if result.verdict == "fail"]
     failures = list_failures(evaluation)
-    targets = [plots.get(result.name, "") for result in expectations]
-    return list(zip(failures, targets + ["figures"] * (len(failures) - len(targets)), strict=True))
+    numbers = [plots.get(result.name, len(figures) + 1) for result in expectations]
+    targets = [f"plot-{number}" if number <= len(figures) else "" for number in numbers]
+    metrics = [(failure, "figures") for failure in failures[len(expectations) :]]
+    order = sorted(range(len(expectations)), key=numbers.__getitem__)
+    return [*((failures[i], targets[i]) for i in order), *metrics]
 
 
 def report_html(
@@ -126,12 +128,19 @@ def report_html(
     arrays = PackedArrays()
     in_curves = [violation for violation in violations if not violation.over_time]
     curves = draw_plots(plots, tables, [row.annotation for row in events], in_curves, arrays, folder)
+    first = next((violation for violation in in_curves if not violation.reduce), None)
     order = [result.name for result in evaluation.expectation_results]
-    figures = sorted(
-        [*curves, *draw_metric_charts(expectations, evaluation)],
-        key=lambda figure: min(map(order.index, figure.violations), default=len(order)),
-    )
+
+    def rank(figure: ReportFigure) -> tuple[bool, bool, bool, int]:
+        """Sort the curve of the first violation over time first, then those of the others, charts of metrics, and what holds."""
+        is_first = first is not None and first.name in figure.violations and bool(figure.panels)
+        numbers = [order.index(name) for name in figure.violations]
+        return not is_first, not numbers, not figure.panels, min(numbers, default=0)
+
+    figures = sorted([*curves, *draw_metric_charts(expectations, evaluation)], key=rank)
     films = scenes.films if scenes else []
+    reason = "; ".join(group_lines(str(summary.get("reason") or "").splitlines(), tables))
+    summary = {**summary, "reason": reason, "notes": group_lines(summary.get("notes", ()), tables)}
     return (
         report_templates("twin.run", "twin.scene")
         .get_template("report.html")
@@ -165,7 +174,7 @@ def report_html(
             refinements=refinements,
             matrix=build_matrix(evaluation, violations),
             titles=SECTIONS,
-            start=next((next(iter(violation.cases.items())) for violation in in_curves if not violation.reduce), None),
+            start=next(iter(first.cases.items())) if first else None,
             incomplete=[
                 f"{variant}, seed {seed}" for (variant, seed), signals in tables.items() if not signals.complete
             ],
@@ -210,11 +219,11 @@ def page_scripts(
     }
     has_script = bool(panels or films)
     return {
-        "player_style": scene_page.player_style() if films else "",
+        "player_style": scene_page.player_style() + read_static("views.css") if films else "",
         "panels": embed_json(panels),
         "films": embed_json(films),
         "names": [film["name"] for film in films],
         "arrays": arrays.texts,
         "rule": RULE.format(parts=max((figure.points // 2 for figure in figures), default=0)),
-        "script": chart_script([*scene_page.PLAYER, HERE / "report.js"]) if has_script else "",
+        "script": chart_script([*scene_page.PLAYER, HERE / "report.js"], views=True) if has_script else "",
     }

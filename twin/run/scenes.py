@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from twin.errors import SceneError, nearest
 from twin.results import list_recorded_variables, read_variables
+from twin.run.recorded_views import machine_film
 from twin.run.report_figure import ReportFigure
 from twin.scenario import lint
 from twin.scene import page, picture, scene_instants
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from twin.results import Signals
@@ -77,20 +80,38 @@ class ReportScenes:
     stills: list[ReportFigure]
 
 
-def report_scenes(scenes: Sequence[Scene], tables: Mapping[tuple[str, int], Signals]) -> ReportScenes:
-    """Return the scenes of a run for its report; `twin view` plays them with all instants."""
+def report_scenes(
+    scenes: Sequence[Scene],
+    tables: Mapping[tuple[str, int], Signals],
+    views: Mapping[str, list[dict[str, Any]]] = MappingProxyType({}),
+) -> ReportScenes:
+    """Return the scenes of a run for its report; `twin view` plays them with all instants.
+
+    `views`: of the machine, by variant, as the viewer draws them; they replace the lines of the scenes.
+    """
     first: dict[tuple[str, int], Signals] = {}
     for key, signals in tables.items():
         if key[0] not in {variant for variant, _ in first}:
             first[key] = signals
+    names = {case: f"{case[0]}, seed {case[1]}" if len(first) > 1 else "" for case in first}
+    machines = {
+        names[case]: partial(machine_film, own, signals)
+        for case, signals in first.items()
+        if (own := views.get(case[0]))
+    }
     animations = {scene.title: list(scene_frames([scene], first)) for scene in scenes}
     several = len(animations) > 1
-    named = [
-        (", ".join(filter(None, [title if several or not case else "", case])), frames)
+    makers: list[tuple[str, Callable[[int], dict[str, Any]]]] = [
+        (name or "Machine", film) for name, film in machines.items()
+    ]
+    makers += [
+        (", ".join(filter(None, [title if several or not case else "", case])), partial(page.film_data, frames))
         for title, cases in animations.items()
         for _, case, frames in cases
-    ][:MAX_FILMS]
-    films = [{"name": name, **page.film_data(frames, MAX_VALUES // len(named))} for name, frames in named]
+        if case not in machines
+    ]
+    makers = makers[:MAX_FILMS]
+    films = [{"name": name, **film(MAX_VALUES // len(makers))} for name, film in makers]
     stills = []
     for title, cases in animations.items():
         for _, variant, frames in cases[:1]:

@@ -8,7 +8,7 @@ import { before } from "./scale.js";
 
 class Film {
   constructor(canvas, data, highest) {
-    Object.assign(this, data, { canvas, highest, instant: 0, pointers: new Map() });
+    Object.assign(this, data, { canvas, picture: canvas, highest, instant: 0, pointers: new Map() });
     this.time = unpackTrack(data.time);
     for (const key of ["lines", "points"]) this[key] = data[key].map((track) => ({ ...track, values: unpackTrack(track) }));
     this.arrows = data.arrows.map((track) => ({ ...track, values: unpackTrack(track), origins: unpackTrack(track.at) }));

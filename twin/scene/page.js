@@ -14,7 +14,8 @@ const chart = new Chart(box, {
   notify: (event, { at }) => { if (event === "time") player.show(at); },
 });
 
-const player = new Player(document.querySelector(".player"), films, () => Math.max(innerHeight * 0.62, 260), (time, film) => {
+const stage = document.querySelector(".player"), highest = () => Math.max(innerHeight * 0.62, 260);
+const player = new Player(stage, films.map((data) => new Film(stage.querySelector(".view"), data, highest)), (time, film) => {
   if (film !== shown) {
     shown = film;
     box.hidden = !(film.time.length > 1 && film.curves.length);

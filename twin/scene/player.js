@@ -1,10 +1,12 @@
-// Player of films: one canvas, with buttons, a slider and the keyboard (player.html). `notify(time, film)`: another instant is shown. After film.js.
+// Player of films with buttons, a slider and the keyboard (player.html). After film.js.
+//
+//   new Player(root, films, notify)   films: each with time, instant, show(time), draw(), legend(), its element `picture`, fit() if it zooms,
+//                                     listen(isShown); notify(time, film): another instant is shown
 
 class Player {
-  constructor(root, films, highest, notify) {
+  constructor(root, films, notify) {
     this.find = (name) => root.querySelector(`.${name}`);
-    this.films = films.map((data) => new Film(this.find("view"), data, highest));
-    this.notify = notify;
+    Object.assign(this, { films, notify });
     this.playing = false;
     this.listen();
     this.select(0);
@@ -15,6 +17,9 @@ class Player {
   select(number) {
     const time = this.film ? this.clock : this.films[number].time[0];
     this.film = this.films[number];
+    for (const film of this.films) film.picture.hidden = true;
+    this.film.picture.hidden = false;
+    this.find("fit").hidden = !this.film.fit;
     this.find("controls").hidden = !this.moves;
     this.find("time").max = this.film.time.length - 1;
     this.find("tracks").replaceChildren(...this.film.legend());

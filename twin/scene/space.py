@@ -210,6 +210,7 @@ class SpaceView:
             "forces": [{"at": _mm(at[0]), "vector": _finite(vector[0])} for at, vector in moving.forces],
         }
 
+    @np.errstate(over="ignore", invalid="ignore")  # values of a run that fails may be huge
     def positions(self, values: Mapping[str, Any], count: int) -> Positions:
         """Return what moves at `count` instants [m, N]. `values`: rows of the signals, (count, ...)."""
         si = {

@@ -1,6 +1,6 @@
 // One time cursor for the scene and all curves, with playback.
 
-import { drawViews } from "./views.js";
+import { drawViews, elementOf } from "./views.js";
 
 const SETTLED = 150; // after the last change of a window, until its values are requested [ms]
 let film = null, playing = 0;
@@ -41,17 +41,6 @@ function moved() {
   if (!film?.times.length || find("scene").hidden) return;
   const at = (state.time ?? windowOf()[0]) - offset(film.place), k = Math.max(before(film.times, at + 1e-9), 0);
   film.move(Object.fromEntries(film.signals.map(({ name, shape, values }) => [name, elementOf(values, k, shape)])));
-}
-
-// the value of an instant: a number, or nested arrays with null for what is missing
-function elementOf(values, k, shape) {
-  const size = shape.reduce((a, b) => a * b, 1), of = (index) => (Number.isFinite(values[index]) ? values[index] : null);
-  if (!shape.length) return of(k) ?? undefined;
-  const nest = (begin, [count, ...inner]) => {
-    const step = inner.reduce((a, b) => a * b, 1);
-    return Array.from({ length: count }, (_, i) => (inner.length ? nest(begin + i * step, inner) : of(begin + i)));
-  };
-  return nest(k * size, shape);
 }
 
 // ---- the time cursor

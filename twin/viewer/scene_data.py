@@ -2,55 +2,33 @@
 
 from __future__ import annotations
 
-import ast
 import logging
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from math import prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.coupling import find
 from twin.errors import TwinError
-from twin.live import member_class, scene_data, start_values, targets_and_warnings
-from twin.results import Signals, si_conversion
+from twin.results import Signals
+from twin.run import (
+    RecordedSignal,
+    RecordedSystem,
+    describe_system,
+    expectations_of,
+    moving_signals,
+    scene_data,
+    system_views,
+)
 from twin.scenario import lint, resolve_variables
-from twin.web import SIZES, build_views
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-    from pathlib import Path
-
-    from twin.results import Expectation
-    from twin.scenario import ScenarioSpec
     from twin.viewer.runs import OpenRun, RunCollection
 
     Array = np.ndarray[Any, Any]
 
 MAX_VALUES = 400_000  # numbers of all signals in an answer: 3 MB
 MAX_INSTANTS = 2000  # of an answer: more than a picture can show of a window
-
-
-@dataclass(frozen=True)
-class RecordedSignal:
-    """A recorded variable, or a parameter with its start value."""
-
-    name: str
-    kind: str
-    start: Any = None
-    recorded: bool = True
-
-
-@dataclass(frozen=True)
-class RecordedSystem:
-    """What views are built of: see `twin.web.build_views`."""
-
-    members: Mapping[str, str]
-    signals: Mapping[str, RecordedSignal]
-    scenes: tuple[Mapping[str, Any], ...] = ()
-    targets: Mapping[str, Any] = field(default_factory=dict)
-    warnings: tuple[Mapping[str, Any], ...] = ()
-    expectations: tuple[Expectation, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -73,8 +51,7 @@ class Scenes:
         case = self.runs.cases[number]
         key = (case.run, case.variant)
         if key not in self._views:
-            system = recorded_system(self.runs.run_of(case), case.key)
-            self._views[key] = [view | force_band(view["parts"], system.expectations) for view in build_views(system)]
+            self._views[key] = system_views(recorded_system(self.runs.run_of(case), case.key))
         return self._views[key]
 
     def samples(self, number: int, window: tuple[float, float], instants: int = MAX_INSTANTS) -> SceneSamples:
@@ -94,13 +71,6 @@ class Scenes:
         return SceneSamples(time[indices], {name: si[name] for name in names})
 
 
-def moving_signals(views: list[dict[str, Any]]) -> Iterator[str]:
-    """Yield the names of the signals that move views."""
-    for view in views:
-        for part in view["parts"]:
-            yield from part["signals"].values()
-
-
 def recorded_system(run: OpenRun, case: tuple[str, int]) -> RecordedSystem:
     """Return the system of a case; without its components only scenes, and parts that are found by their signals."""
     recorded = {
@@ -112,60 +82,14 @@ def recorded_system(run: OpenRun, case: tuple[str, int]) -> RecordedSystem:
         scenario, _ = lint(run.scenario_file, imports=False)
     except TwinError:
         return RecordedSystem({}, recorded)
-    scenes = tuple(scene_data(scene) for scene in scenario.scenes)
     try:
-        system = describe_system(run.scenario_file, case[0], recorded, scenes)
+        loaded, _ = lint(run.scenario_file)
+        variant = next(each for each in loaded.variants if each.variant == case[0])
+        return describe_system(loaded, variant, resolve_variables(loaded)[0][case[0]], recorded)
     except Exception as error:  # a component's module may raise anything
         logging.getLogger("twin").debug("viewer", exc_info=error)
-        system = RecordedSystem({}, recorded, scenes)
-    own = (each for each in scenario.expectations if not each.variants or case[0] in each.variants)
-    return replace(system, expectations=tuple(own))
-
-
-def force_band(parts: Sequence[Mapping[str, Any]], expectations: Sequence[Expectation]) -> dict[str, Any]:
-    """Return the band [N] of the displayed contact force from its only expectation; `is_judged` is False if there is not one."""
-    shown = {part["kind"]: part["signals"] for part in reversed(parts)}
-    signal = shown.get("force", {}).get("measured_force") or shown.get("wall", {}).get("force")
-    own = [each for each in expectations if each.signal is not None and ast.unparse(each.signal.tree) == signal]
-    bands = [(each.at_least, each.at_most) for each in own if None not in (each.at_least, each.at_most)]
-    return {"band": bands[0], "is_judged": True} if len(own) == len(bands) == 1 else {"is_judged": False}
-
-
-def describe_system(
-    file: Path, variant: str, recorded: Mapping[str, RecordedSignal], scenes: tuple[Mapping[str, Any], ...]
-) -> RecordedSystem:
-    """Return the system of a variant, with classes and sizes of its components."""
-    scenario: ScenarioSpec
-    scenario, _ = lint(file)
-    variables = resolve_variables(scenario)[0][variant]
-    case = next(each for each in scenario.variants if each.variant == variant)
-    sizes = {}
-    for member, own in variables.items():
-        for name, start in start_values(case, member, own).items():
-            if own[name].causality == "parameter" and name.rpartition(".")[2] in SIZES and start is not None:
-                factor, offset = si_conversion(own[name].unit)
-                value = (np.asarray(start) * factor + offset).tolist()
-                sizes[f"{member}.{name}"] = RecordedSignal(f"{member}.{name}", "parameter", value, False)
-    members = {name: member_class(spec) for name, spec in case.members.items()}
-    targets, warnings = targets_and_warnings(scenario, variables)
-    return RecordedSystem(members, {**recorded, **sizes}, scenes, *limits_in_si(targets, warnings, variables))
-
-
-def limits_in_si(
-    targets: Mapping[str, Any], warnings: Sequence[Mapping[str, Any]], variables: Mapping[str, Any]
-) -> tuple[dict[str, Any], tuple[dict[str, Any], ...]]:
-    """Convert targets and warnings from the units of their signals to SI, like the values that they are compared with."""
-
-    def scale(signal: str) -> tuple[float, float]:
-        return si_conversion(find(signal, variables).variable.unit)
-
-    if targets:
-        factor, offset = scale(targets["signal"])
-        points = {name: [factor * x + offset for x in point] for name, point in targets["points"].items()}
-        targets = {**targets, "points": points, "tolerance": factor * targets["tolerance"]}
-    scaled = [(warning, scale(warning["signal"])) for warning in warnings]
-    limits = tuple({**warning, "above": factor * warning["above"] + offset} for warning, (factor, offset) in scaled)
-    return dict(targets), limits
+        scenes = tuple(scene_data(scene) for scene in scenario.scenes)
+        return RecordedSystem({}, recorded, scenes, expectations=expectations_of(scenario, case[0]))
 
 
 __all__ = ["SceneSamples", "Scenes"]

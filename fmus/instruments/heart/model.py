@@ -34,7 +34,7 @@ class Heart(Noisy):
     scale = parameter(1.0, "", "factor on all amplitudes", source="1: the paper's motion")
     amplitude = parameter(
         (4e-3, 2e-3, 0.4e-3, 0.1e-3, 5e-6, 1e-6, 0.5e-6), "m", "amplitude of each harmonic", display_unit="mm",
-        source="paper, section IV.B: r_i; eight announced, seven printed",
+        minimum=0.0, maximum=0.1, source="paper, section IV.B: r_i; eight announced, seven printed",
     )
     phase = parameter((0.0, 2.8, 2.8, 0.0, 3.7, 1.2, 5.6), "rad", "phase of each harmonic",
                       source="paper, section IV.B: theta_i, the first seven")

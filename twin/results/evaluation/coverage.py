@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING, Any
 
 from twin import clock
+from twin.errors import quote_names
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Mapping, Sequence
 
     import numpy as np
 
@@ -93,6 +93,19 @@ def describe_cases(
     return "; ".join(texts)
 
 
+def group_lines(lines: Iterable[str], run: Collection[tuple[str, int]]) -> list[str]:
+    """Join lines that differ in the case alone, with which they begin: `PI, seed 1: ...`, as `all variants, all seeds: ...`."""
+    names = {f"{variant}, seed {seed}: ": (variant, seed) for variant, seed in run}
+    groups: dict[str, list[str]] = {}
+    for line in dict.fromkeys(lines):
+        name = next(filter(line.startswith, names), "")
+        groups.setdefault(line.removeprefix(name), []).append(name)
+    return [
+        f"{describe_cases([names[name] for name in own], run)}: {text}" if len(own) > 1 and all(own) else own[0] + text
+        for text, own in groups.items()
+    ]
+
+
 def join_numbers(numbers: Iterable[int]) -> str:
     """Join numbers, consecutive ones as a range: `1-3, 5`."""
     ranges: list[list[int]] = []
@@ -166,11 +179,6 @@ def is_of_most(expectation: Expectation, judged: Sequence[str], variant: str, ta
     assert expectation.signal is not None
     having = {name for (name, _), signals in tables.items() if signals.has(expectation.signal)}
     return variant in having - {*judged} and 2 * len(judged) > len(having)
-
-
-def quote_names(names: Sequence[str]) -> list[str]:
-    """Return names of variants or expectations, in quotes if one of them contains a blank or a separator of lists."""
-    return [f'"{name}"' for name in names] if any(re.search(r"[\s,;]", name) for name in names) else [*names]
 
 
 def list_names(names: Sequence[str], word: str = "and") -> str:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import itertools
 from typing import TYPE_CHECKING
 
-from twin.results.evaluation.coverage import join_numbers, list_names, quote_names
+from twin.errors import quote_names
+from twin.results.evaluation.coverage import join_numbers, list_names
 from twin.results.evaluation.metric_format import metric_format
 from twin.results.recording.signals import format_value
 

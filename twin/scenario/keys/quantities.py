@@ -162,7 +162,10 @@ def resolve(value: Any, variable: MemberVariable, what: str) -> Any:
     resolved = array(value, variable, what) if variable.shape else element(value, variable, what)
     violation, advice = variable.outside(resolved)
     if violation:
-        raise CouplingError(f"{what}{violation}. {advice}")
+        is_bare = isinstance(value, int | float) and variable.display_unit not in ("", variable.unit)
+        raise CouplingError(
+            f"{what}{violation}. {advice}" + f" A number without a unit is in {variable.unit}." * is_bare
+        )
     return resolved
 
 

@@ -39,6 +39,20 @@ KINDS = {
     "bool_parsing": "true or false",
     "int_type": "a whole number",
     "int_from_float": "a whole number",
+    "int_parsing": "a whole number",
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "finite_number": "a finite number",
+    "tuple_type": "a list",
+}
+BOUNDS = {
+    "greater_than": "a number above {gt:.10g}",
+    "greater_than_equal": "at least {ge:.10g}",
+    "less_than": "a number below {lt:.10g}",
+    "less_than_equal": "at most {le:.10g}",
+    "too_short": "at least {min_length} values, not {actual_length}",
+    "too_long": "at most {max_length} values, not {actual_length}",
+    "string_too_short": "a text",
 }
 
 
@@ -107,12 +121,11 @@ def line(root: Node, error: Any, model: Any = ScenarioKeys) -> str:
     if kind == "literal_error":
         choices = error["ctx"]["expected"].replace(" or ", ", ").replace("'", "").split(", ")
         return f"{location}: {key_path}: `{short(value)}` is not known.{nearest(str(value), choices)}"
-    if kind == "too_long":
-        return f"{location}: {key_path}: expected at most {error['ctx']['max_length']} values, not {quoted(value)}."
-    if path[0] == "connections" and isinstance(value, str):
+    if path[0] == "connections" and len(path) == 2 and isinstance(value, str):
         return f"{location}: {key_path}: {quoted(value)} is no connection. {arrow(value)}"
-    if kind in KINDS:
-        return f"{location}: {key_path}: expected {KINDS[kind]}, not {quoted(value)}."
+    if expected := KINDS.get(kind) or BOUNDS.get(kind, "").format_map(error.get("ctx", {})):
+        text = expected if "not" in expected else f"{expected}, not {quoted(value)}"
+        return f"{location}: {key_path}: expected {text.replace(' 1 values', ' 1 value')}."
     return f"{location}: {key_path}: {error['msg'][0].lower()}{error['msg'][1:]}, not {quoted(value)}."
 
 

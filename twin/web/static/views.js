@@ -22,3 +22,14 @@ export function drawViews(element, views) {
 
 // names of the signals that move views
 export function movingSignals(views) { return [...new Set(views.flatMap((view) => view.parts.flatMap((part) => Object.values(part.signals))))]; }
+
+// the value of an instant: a number, or nested arrays with null for what is missing
+export function elementOf(values, k, shape) {
+  const size = shape.reduce((a, b) => a * b, 1), of = (index) => (Number.isFinite(values[index]) ? values[index] : null);
+  if (!shape.length) return of(k) ?? undefined;
+  const nest = (begin, [count, ...inner]) => {
+    const step = inner.reduce((a, b) => a * b, 1);
+    return Array.from({ length: count }, (_, i) => (inner.length ? nest(begin + i * step, inner) : of(begin + i)));
+  };
+  return nest(k * size, shape);
+}
