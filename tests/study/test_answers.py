@@ -24,6 +24,7 @@ from twin.study.answers.page import linked
 from twin.study.answers.paired import mean_interval
 from twin.study.answers.sentences import effect_text, lowest_pass_rate
 from twin.study.answers.statistics import above, in_order, quantile, wilson
+from twin.study.answers.summary import noteworthy
 from twin.study.execution.case_engine import Row
 from twin.study.execution.case_table import CaseTable
 
@@ -218,6 +219,23 @@ def test_the_headline_names_one_change_and_what_did_not_finish(tmp_path):
         "19 of 20 cases (95 %; 95 % confidence interval 76.4 % to 99.1 %) pass 'gentle'; one that fails is case 7."
     )
     assert texts[-1] == "1 case did not finish."
+
+
+def test_the_worst_case_of_a_limit_on_a_signal_is_named(tmp_path):
+    """By the samples that the case stored, whatever the order of the cases is."""
+    limit = "  - {name: never more, signal: sensor.measured_force, at_most: 80 mN}\n"
+    path = study_file(tmp_path, STUDY.replace("\nkeep:", "\nvariants: [plain]\nkeep:"), SCENARIO + limit)
+    study = load_study(path)
+    requests = list(study.requests())
+    rows = [
+        Row(one.number, "done", "", (0.05, 0.01), (True, None, high <= 0.08), extremes=(None, None, (0.0, high)))
+        for one, high in zip(requests, (0.07, 0.081, 0.095, 0.05, 0.084, 0.06), strict=True)
+    ]
+    cases = CaseTable(study, requests, rows)
+    first = headline(Answers(cases))[0]
+    assert first.case == requests[2].number
+    assert first.text.endswith("is case 3, where sensor.measured_force is 95 mN, expected at most 80 mN.")
+    assert noteworthy(cases, SimpleNamespace(failed=1, worst=0)) == [3]
 
 
 def test_a_part_is_never_rounded_to_all_of_it():

@@ -353,7 +353,7 @@ def test_the_table_of_variants_has_medians_and_pass_rates(tmp_path):
     assert listed["of"] == 12
     keep = SimpleNamespace(failed=1, worst=2)
     worst = summary.noteworthy(answers.cases, keep)
-    assert worst[0] in (2, 5)  # the first one of a kind of failure
+    assert worst[0] == 2  # of the failed cases, the one farthest beyond the limit
     assert set(worst) == {5, 9, 2, 4}  # the two largest forces of each variant
     assert summary.noteworthy(answers.cases, SimpleNamespace(failed=0, worst=0)) == []
     assert summary.noteworthy(answers.cases, SimpleNamespace(failed=0, worst=1)) == [5, 2]

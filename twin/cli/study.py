@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 import sys
 import time
@@ -120,11 +119,16 @@ def command(
 class StudyDisplay(ProgressBar):
     """Progress of a study: a bar on a terminal, a line every 10 s elsewhere; both on stderr."""
 
-    last_line = 0.0
     has_report = False
 
+    def __init__(self, title: str) -> None:
+        super().__init__(title)
+        self.last_line = time.monotonic()
+
     def update(self, progress: StudyProgress) -> None:
-        """Show rate, remaining time and failures so far."""
+        """Show cases, remaining time and failures so far."""
+        from twin.study import progress_text
+
         if progress.report is not None and not self.has_report:
             self.has_report = True
             say(f"report so far: {progress.report}", err=True)
@@ -135,24 +139,6 @@ class StudyDisplay(ProgressBar):
             say(text, err=True)
 
 
-def progress_text(progress: StudyProgress) -> str:
-    """Return `sample: 713 of 4000, 9.1 per second, 6 min left, 2 failed`."""
-    done = f"{progress.part.partition(' ')[0]}: {progress.done} of {progress.count}, "
-    failed = f"{progress.failed} failed"
-    if progress.done >= progress.count:
-        return f"{done}{failed}; tables and report follow"
-    if not math.isfinite(progress.left):
-        return f"{done}{failed}"
-    return f"{done}{progress.rate:.3g} per second, {duration(progress.left)} left, {failed}"
-
-
-def duration(seconds: float) -> str:
-    """Return `89 s`, `12 min` or `2.5 h`."""
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
-
-
 def show_estimate(study: Study, estimate: TimeEstimate) -> None:
     """Print the extent of a study and what it will take."""
     say(extent(study))
@@ -160,9 +146,11 @@ def show_estimate(study: Study, estimate: TimeEstimate) -> None:
     show_table(["variant", "cases", "time of a case"], rows, 1)
     for why in estimate.failures:
         say(f"did not finish: {why}")
+    from twin.study import duration_text
+
     processes = f"{estimate.workers} process{'es' * (estimate.workers > 1)}"
     say(
-        f"About {duration(estimate.total)} with {processes}, of which {duration(estimate.preparation)} to begin; "
+        f"About {duration_text(estimate.total)} with {processes}, of which {duration_text(estimate.preparation)} to begin; "
         "the report and cases that are kept come on top."
     )
 

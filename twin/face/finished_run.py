@@ -175,7 +175,7 @@ class Run:
         return find_variable(name, self._recorded, self.folder)
 
     def __getitem__(self, name: str | list[str]) -> Any:
-        """Return a variable over time x variant x seed (x element), in its own unit `.attrs["units"]`, as a DataArray.
+        """Return a variable over time x variant x seed (x element_of_N), in its own unit `.attrs["units"]`, as a DataArray.
 
         Also an expression, such as `sensor.force - wall.force`; a list of variables or a pattern, such as `sensor.*`, as a
         Dataset. Variants that did not record it are omitted.

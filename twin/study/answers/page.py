@@ -62,7 +62,8 @@ def write_report(outcome: StudyOutcome) -> None:
     if not outcome.cases.rows:
         return
     answers = Answers(outcome.cases)
-    summary = {**answers.plain(), **searched(outcome)}
+    sentences = [cleaned(vars(own)) for own in headline(answers, outcome.worst, outcome.tuned)]
+    summary = {"sentences": sentences, **answers.plain(), **searched(outcome)}
     write_text(outcome.folder / ANSWERS, json.dumps(summary, indent=1, allow_nan=False) + "\n")
     write_text(outcome.folder / PAGE, html(outcome, answers))
 

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from twin.study.design import KeepKeys
     from twin.study.execution.case_table import CaseTable
 
+MAX_SENTENCES = 3  # of a kind
+
 
 class Answers:
     """Answers of a study: statistics of its cases."""
@@ -129,9 +131,15 @@ def percent(part: float) -> str:
 
 
 def noteworthy(cases: CaseTable, keep: KeepKeys) -> list[int]:
-    """Numbers of the cases of which the study keeps everything: some that fail, and the worst of each metric and variant."""
+    """Numbers of the cases of which the study keeps everything: the worst that fail, and the worst of each metric and variant.
+
+    Of failures: the worst case of each of the lowest pass rates, which sentences name, and of each kind of failure.
+    """
     numbers: list[int] = []
     if keep.failed:
+        missed = sorted((rate for rate in statistics.shares(cases) if rate.part < 1.0), key=lambda rate: rate.part)
+        worst = [(rate, statistics.worst_of_rate(cases, rate)) for rate in missed[:MAX_SENTENCES]]
+        numbers += [entry.number for rate, entry in worst if entry and entry.number in rate.failing]
         for cluster in failing.clusters(cases):
             numbers += cluster.cases[: keep.failed]
     for metric, _, own in cases.by_metric() if keep.worst else ():
