@@ -242,13 +242,14 @@ def test_results_of_a_study(capsys, monkeypatch):
             0,
             [],
             {},
-            "INTERRUPTED 30 cases in 4 s (5 per second). Report: runs/a/1/r.html  Look: twin run --case a:5",
+            "INTERRUPTED 30 of 80 cases in 4 s (5 per second). Report: runs/a/1/r.html  Look: twin run --case a:5",
         ),
     ],
 )
 def test_the_last_line_of_a_study(capsys, status, failed, parts, runs, line):
     outcome, answers = study_outcome()
     outcome.status, outcome.runs, outcome.folder, outcome.study.name = status, runs, Path("runs/a/1"), "a"
+    outcome.study.count, outcome.study.keys.worst, outcome.study.keys.tune = 80, None, None
     answers.failed, answers.shares = failed, [SimpleNamespace(part=part) for part in parts]
     study.show_verdict(outcome, answers, "r.html")
     assert capsys.readouterr().out.strip() == line
@@ -270,7 +271,7 @@ def test_progress_of_a_study(capsys):
         SimpleNamespace(part="sample", done=done, count=4, left=left, failed=2, missed=1, report=report)
         for done, left, report in ((0, 89.4, None), (1, 90.0, "r.html"), (4, 0.0, "r.html"), (1, float("nan"), None))
     ]
-    fails = "1 miss a requirement, 2 did not finish"
+    fails = "failures so far: 3 (2 did not finish)"
     assert [progress_text(one) for one in made] == [
         f"0 of 4 cases, 89 s left; {fails}",
         f"1 of 4 cases, 2 min left; {fails}",
@@ -278,7 +279,7 @@ def test_progress_of_a_study(capsys):
         f"1 of 4 cases; {fails}",
     ]
     none = SimpleNamespace(part="tune 3", done=1, count=9, left=float("nan"), failed=0, missed=0)
-    assert progress_text(none) == "tuning: 1 of 9 cases; none fails"
+    assert progress_text(none) == "tuning: 1 of 9 cases; failures so far: 0"
     assert [duration_text(seconds) for seconds in (89.4, 90, 5399, 5400)] == ["89 s", "2 min", "90 min", "1.5 h"]
     display = study.StudyDisplay("Study")
     display.last_line -= study.LINE_INTERVAL

@@ -400,6 +400,22 @@ def test_a_run_in_which_no_case_can_begin_raises(scenario, place, build):
         scenario.set("part.component", Misspelled).run(out=place / "runs", build=build)
 
 
+class Divides(Types):
+    """A component that divides by zero."""
+
+    def step(self, t, h):
+        self.place = self.gain / (self.push - self.push)
+
+
+@pytest.mark.parametrize("backend", ["interpreted", "compiled", pytest.param("fmu", marks=pytest.mark.slow)])
+def test_a_division_by_zero_is_reported_with_file_and_line(scenario, place, build, backend):
+    failing = scenario.set("part.component", Divides).set("seeds", [1])
+    run = failing.run("plain", out=place / "divided", build=build, backend=backend, report=False)
+    line = Divides.step.__code__.co_firstlineno + 1
+    assert run.status == "failed"
+    assert f"{__file__}:{line}: " in run.reason
+
+
 def test_an_export_is_refused_or_made(fmu, scenario, tmp_path, build):
     assert fmu.exists()
     for arguments, text in (

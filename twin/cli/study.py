@@ -90,6 +90,7 @@ def command(
         show_estimate(study, estimate)
         sys.exit(1 if estimate.failures else 0)
     folder = latest(runs, study.name) if resume else None
+    line = shlex.join(["twin", *sys.argv[1:]])
     with StudyDisplay(study.title) as display:
         outcome = run_study(
             study,
@@ -101,7 +102,7 @@ def command(
             memory=int(memory * 1e9),
             resume=folder,
             listen=display.update,
-            command=shlex.join(["twin", *sys.argv[1:]]),
+            command=line,
             report=not no_report,
         )
     count = len(outcome.cases.rows)
@@ -110,7 +111,8 @@ def command(
         named = show(outcome, answers)
         show_verdict(outcome, answers, "cases.parquet" if no_report else "report.html", named)
     if outcome.status == "interrupted":
-        say(f"interrupted: {count} case{'s are' if count != 1 else ' is'} kept. Continue with --resume.", err=True)
+        kept = f"{count} finished case{'s are' if count != 1 else ' is'} kept"
+        say(f"interrupted: {kept}. Continue: {line}{' --resume' * (not resume)}", err=True)
         sys.exit(130)
     if answers is not None and answers.failed:
         sys.exit(1)
@@ -201,7 +203,7 @@ def show_verdict(outcome: StudyOutcome, answers: Answers, file: str, named: int 
 
     `named`: the case to look at; by default the first one that was kept, or that failed.
     """
-    from twin.study import open_command
+    from twin.study import open_command, searched_cases
 
     count = len(outcome.cases.rows)
     rates = [rate.part for rate in answers.shares]
@@ -214,7 +216,9 @@ def show_verdict(outcome: StudyOutcome, answers: Answers, file: str, named: int 
     number = named or next(iter([*outcome.runs, *failing, 1]))
     look = open_command(name, number, outcome.runs)
     seconds = f"{outcome.seconds:.3g} s" if outcome.seconds < 100 else f"{outcome.seconds:.0f} s"
-    show_outcome(word, f"{count} cases in {seconds}{rate}.", outcome.folder / file, look)
+    total = outcome.study.count + sum(searched_cases(outcome.study).values())
+    of_total = f" of {total}" if outcome.status == "interrupted" else ""
+    show_outcome(word, f"{count}{of_total} cases in {seconds}{rate}.", outcome.folder / file, look)
 
 
 def show_distributions(outcome: StudyOutcome, answers: Answers, console: Console) -> None:

@@ -26,6 +26,7 @@ from twin.results import (
     expression,
     find_results,
     list_recorded_variables,
+    newer_note,
     plotting,
     quote_names,
     read_variables,
@@ -47,11 +48,13 @@ if TYPE_CHECKING:
 
 
 def open_run(path: str | Path) -> Run:
-    """Open a finished run: by its folder, the last one as `runs/SCENARIO/latest` or by the scenario's name in runs/.
+    """Open a finished run: by its folder, the last one with signals as `runs/SCENARIO/latest` or by the scenario's name in runs/.
 
-    TwinError if there is none, with similar names.
+    TwinError if there is none, with similar names. A newer run that failed without signals is named in `notes`.
     """
-    return Run(find_results(Path(path), "summary.json", "run", "heart_wall_force"))
+    folder = find_results(Path(path), "summary.json", "run", "heart_wall_force")
+    note = newer_note(folder) if folder != Path(path) else ""
+    return Run(folder, notes=[note] * bool(note))
 
 
 CARD_WIDTH = 6.4  # of the plot in a notebook [in]: its letters stay legible where the notebook is narrow

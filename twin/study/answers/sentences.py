@@ -115,7 +115,7 @@ def worst_case(answers: Answers, rate: PassRate) -> WorstInLimit | None:
 def few_sentences(answers: Answers) -> list[Sentence]:
     """Return that a random design has too few samples for any statement beyond them."""
     study = answers.study
-    count = study.keys.samples.count if study.design.method == "sensitivity" else len(study.design.values)
+    count = study.keys.samples.count if study.design.method == "sensitivity" else answers.sample_count
     if study.design.method not in (*INDEPENDENT_SAMPLES, "sensitivity") or count >= MIN_SAMPLES:
         return []
     samples = "1 sample supports" if count == 1 else f"{count} samples support"
@@ -227,8 +227,9 @@ def cause_sentences(answers: Answers) -> list[Sentence]:
         elif (driver.metric, driver.variant) in missed and driver.variant not in separated:
             unexplained.append(sentence(f"{what} fails in some cases; no factor's effect on it differs from chance."))
     if not sentences:
-        count = len(answers.study.design.values)
-        return [Sentence(f"No effect of a factor on a judged metric differs from chance in {count} samples.")]
+        return [
+            Sentence(f"No effect of a factor on a judged metric differs from chance in {answers.sample_count} samples.")
+        ]
     return [*unexplained[:1], *sentences[: MAX_SENTENCES - len(unexplained[:1])], *unsure_sentences(answers, tested)]
 
 

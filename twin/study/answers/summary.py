@@ -11,6 +11,7 @@ import numpy as np
 from twin.results import common_format, display_units
 from twin.study.answers import clusters as failing
 from twin.study.answers import paired, sensitivity, statistics
+from twin.study.design import SAMPLED
 
 if TYPE_CHECKING:
     from twin.study.answers.clusters import FailureCluster
@@ -46,6 +47,11 @@ class Answers:
     def failed(self) -> int:
         """Cases that did not come to their end."""
         return statistics.failures(self.cases)
+
+    @property
+    def sample_count(self) -> int:
+        """Samples of which a case is done: after an interruption fewer than the study has."""
+        return len({self.cases.requests[i].sample for i in self.cases.where(SAMPLED)})
 
     def metric(self, name: str, value: float) -> str:
         """A value of a metric [SI] in its unit, with the decimals that all values of the metric have."""
