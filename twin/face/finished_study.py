@@ -13,7 +13,7 @@ from twin.face.conversions import choice, python_option_names
 from twin.face.finished_run import Run
 from twin.face.progress import progress_callback
 from twin.installed import import_optional
-from twin.results import find_results, readable_recording, si_conversion
+from twin.results import display_units, find_results, readable_recording, si_conversion
 from twin.study import latest, load_study, percent, progress_text, repeat, run_study, stored_cases
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ class StudyResult:
 
     @cached_property
     def cases(self) -> pd.DataFrame:
-        """A row for each case: factors, metrics, `holds: EXPECTATION`, status; units in `.attrs["units"]`."""
+        """A row for each case: factors, metrics in the units of the report, `holds: EXPECTATION`, status; units in `.attrs["units"]`."""
         import_optional("pandas", "python", "a DataFrame")
         from pyarrow import parquet
 
@@ -121,11 +121,11 @@ class StudyResult:
             table = parquet.read_table(self.folder / CASES)
         frame: pd.DataFrame = table.to_pandas()
         units = {field.name: ((field.metadata or {}).get(b"unit") or b"").decode() for field in table.schema}
-        for name, unit in units.items():
-            if unit.startswith(SHOWN):
-                units[name] = unit.removeprefix(SHOWN)
-                factor, offset = si_conversion(units[name])
-                frame[name] = (frame[name].astype(float) - offset) / factor
+        shown = {name: unit.removeprefix(SHOWN) for name, unit in units.items() if unit.startswith(SHOWN)}
+        for name, unit in display_units(shown).items():
+            units[name] = unit
+            factor, offset = si_conversion(unit)
+            frame[name] = (frame[name].astype(float) - offset) / factor
         frame.attrs["units"] = units
         return frame
 
