@@ -89,8 +89,9 @@ def test_a_study_is_run_from_python(place, build, monkeypatch):
     assert made.worst.metrics.value.tolist() == pytest.approx([worst.reached])
     assert f"case {worst.case}" in made.sentences[0]
     assert notebook.paragraph(made.sentences[0]) in made._repr_html_()
-    with pytest.raises(ScenarioError, match="Did you mean"):
-        twin.study(place / "rn.yaml")
+    for wrong in ("rn.yaml", "run.yml"):
+        with pytest.raises(ScenarioError, match=r"Did you mean 'run\.yaml'"):
+            twin.study(place / wrong)
 
 
 def test_what_is_not_there(study, place, monkeypatch):

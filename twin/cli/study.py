@@ -111,8 +111,8 @@ def command(
         named = show(outcome, answers)
         show_verdict(outcome, answers, "cases.parquet" if no_report else "report.html", named)
     if outcome.status == "interrupted":
-        kept = f"{count} finished case{'s are' if count != 1 else ' is'} kept"
-        say(f"interrupted: {kept}. Continue: {line}{' --resume' * (not resume)}", err=True)
+        cases = f"{count} finished case{'s are' if count != 1 else ' is'} kept"
+        say(f"interrupted: {cases}. Continue: {line}{' --resume' * (not resume)}", err=True)
         sys.exit(130)
     if answers is not None and answers.failed:
         sys.exit(1)

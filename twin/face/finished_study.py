@@ -7,9 +7,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin.errors import TwinError, UnknownNameError, nearest
+from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
 from twin.face import notebook
-from twin.face.conversions import choice, python_option_names
+from twin.face.conversions import check_file, choice, python_option_names
 from twin.face.finished_run import Run
 from twin.face.progress import progress_callback
 from twin.installed import import_optional
@@ -42,6 +42,7 @@ def study(
     `progress`: True for a bar, or a callback with a text and the completed fraction. `workers`: processes, by default one per
     core. `resume`: continue the newest run of the study. After Ctrl-C the `status` is `interrupted`, and finished cases are kept.
     """
+    check_file(file, "study", (".yaml", ".yml"), ScenarioError)
     checked = load_study(file)
     folder = latest(Path(out), checked.name) if resume else None
     with python_option_names(), progress_callback(progress, checked.title) as report_progress:

@@ -285,8 +285,8 @@ def failing_line(case: Case, catalog: Catalog, build: Path) -> str:
                 cosimulation.terminate()
     if raised := PYTHON_ERROR.search(error):
         return raised[1].removesuffix(".")
-    found = [each for each in caught if issubclass(each.category, RuntimeWarning)]
-    return f"{found[0].filename}:{found[0].lineno}: {found[0].message}" if found else ""
+    numeric = [warning for warning in caught if issubclass(warning.category, RuntimeWarning)]
+    return f"{numeric[0].filename}:{numeric[0].lineno}: {numeric[0].message}" if numeric else ""
 
 
 def events_before(case: Case, time_ns: clock.Time, met: Sequence[tuple[clock.Time, int]]) -> list[EventSpec]:

@@ -53,7 +53,7 @@ def newest(runs: Iterable[Path]) -> Path:
 
 
 def newer_note(folder: Path) -> str:
-    """Return that a newer run of the scenario has no signals, for who asked for the latest one; "" without such a run."""
+    """Return a note on a newer run of the scenario that has no signals; "" without such a run."""
     siblings = [other for other in folder.resolve().parent.iterdir() if is_finished_run(other)]
     newer = max(siblings, key=run_order, default=folder)
     if run_order(newer) <= run_order(folder.resolve()) or has_signals(newer):
