@@ -289,7 +289,8 @@ def test_the_command_runs_a_study_and_one_of_its_cases_again(tmp_path, build):
     page = (folder / "report.html").read_text()
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert page.count("<svg") >= 5
-    failing = next(one["failing"] for one in told["expectations"] if one["failing"])
+    failing = told["clusters"][0]["cases"]  # the worst first, which is kept
+    assert told["sentences"][0]["case"] == failing[0]
     row = re.search(rf'<tr id="case-{failing[0]}" class="bad">.*?</tr>', page, re.DOTALL)[0]
     assert 'report.html">report</a>' in row  # that one was kept
     assert f'href="#case-{failing[0]}"' in page
