@@ -1,4 +1,7 @@
-"""A run in Python: metrics, signals and plots, read from the run's folder on demand."""
+"""A run in Python: metrics, signals and plots, read from the run's folder on demand.
+
+Over 400 lines: all that a person does with a run.
+"""
 
 from __future__ import annotations
 
