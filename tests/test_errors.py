@@ -2,6 +2,7 @@
 
 import difflib
 import importlib.util
+import os
 import string
 import unicodedata
 
@@ -11,7 +12,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.every_case import every_case
-from twin.errors import LIKE, described, nearest, printable
+from twin import load
+from twin.errors import LIKE, ScenarioError, described, nearest, printable
 
 NAMES = st.text(string.ascii_lowercase + "_", min_size=1, max_size=12)
 
@@ -68,3 +70,15 @@ def test_an_error_inside_a_library_names_the_line_that_called_it(tmp_path):
     with pytest.raises(np.linalg.LinAlgError) as caught:
         module.step()
     assert described(caught.value).startswith(f"{file}:5: LinAlgError: ")
+
+
+def test_a_notebook_shows_the_lines_of_the_person_and_the_problems():
+    """Not the sixty lines of the packages between them."""
+    with pytest.raises(ScenarioError) as caught:
+        load("no_such_scenario")
+    lines = caught.value._render_traceback_()
+    assert [line for line in lines if "twin" + os.sep in line] == []
+    assert "test_errors.py" in lines[0]
+    assert 'load("no_such_scenario")' in lines[0]
+    assert lines[-1].startswith("ScenarioError: There is no scenario 'no_such_scenario'")
+    assert len(lines) == 2

@@ -11,6 +11,7 @@ What the command line does, as objects; `twin.face` has them. Nothing is importe
 
 import importlib
 import inspect
+import sys
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
         open_study,
         run,
         simulate,
+        study,
     )
 
 __version__ = "0.1.0"
@@ -51,8 +53,9 @@ __all__ = [
     "open_study",
     "run",
     "simulate",
+    "study",
 ]
-PACKAGES = ("follow", "live", "run")  # that are functions, too
+PACKAGES = ("follow", "live", "run", "study")  # that are functions, too
 
 if not TYPE_CHECKING:  # else any name would be one
     __getattr__, _, _ = lazy_loader.attach(
@@ -65,11 +68,29 @@ if not TYPE_CHECKING:  # else any name would be one
     )
 
 
-class CallablePackage(ModuleType):
-    """A package that is also the function of its name in `twin.face`: `twin.run("heart_wall_force")`."""
+class CallablePackage:
+    """A package that is also the function of its name in `twin.face`: `twin.run("heart_wall_force")`.
+
+    It is no `ModuleType`: `help(twin.run)` would list the modules of the package instead of the function.
+    """
+
+    def __init__(self, package: ModuleType) -> None:
+        self.__dict__ = vars(package)  # the same attributes, whether package or function sets them
 
     def __call__(self, *arguments: Any, **options: Any) -> Any:
         return self.__wrapped__(*arguments, **options)
+
+    def __getattr__(self, name: str) -> Any:
+        if name != "__getattr__" and "__getattr__" in vars(self):  # of modules, PEP 562
+            return vars(self)["__getattr__"](name)
+        raise AttributeError(f"package {self.__name__} has no attribute {name!r}")
+
+    def __dir__(self) -> list[str]:
+        own = vars(self).get("__dir__", lambda: list(vars(self)))
+        return list(own())
+
+    def __repr__(self) -> str:
+        return f"<function {self.__name__}, and the package of its name>"
 
     @property
     def __wrapped__(self) -> Any:
@@ -78,9 +99,8 @@ class CallablePackage(ModuleType):
 
     @property
     def __doc__(self) -> str:  # type: ignore[override]
-        """Docstring and signature of the function, then what the package holds: what `help(twin.run)` shows."""
-        function, own = self.__wrapped__, vars(self).get("__doc__")
-        synopsis, _, text = (inspect.getdoc(function) or "").partition("\n")
+        """Signature and docstring of the function: what `help(twin.run)` shows."""
+        function = self.__wrapped__
         parameters = inspect.signature(function).parameters.values()
         is_keyword = [parameter.kind is parameter.KEYWORD_ONLY for parameter in parameters]
         lines = [
@@ -91,7 +111,12 @@ class CallablePackage(ModuleType):
         if True in is_keyword:
             lines.insert(is_keyword.index(True), "    *,")
         signature = [f"{self.__name__}(", *lines, f") -> {inspect.signature(function).return_annotation}"]
-        return "\n".join([synopsis, "", *signature, text, "", f"The package: {own}"])
+        return "\n".join([*signature, "", inspect.getdoc(function) or ""])
+
+
+def make_callable(package: str) -> None:
+    """Let an imported package be the function of its name, too."""
+    sys.modules[package] = CallablePackage(sys.modules[package])  # type: ignore[assignment]
 
 
 def __dir__() -> list[str]:

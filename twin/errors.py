@@ -135,6 +135,19 @@ class TwinError(Exception):
         self.problems = problems.splitlines() if isinstance(problems, str) else problems
         super().__init__("\n".join(self.problems))
 
+    def _render_traceback_(self) -> list[str]:
+        """Return what a notebook shows: the person's own lines and the problems, without the frames of packages."""
+        import traceback
+
+        package = str(Path(__file__).parent)
+        frames = traceback.extract_tb(self.__traceback__)
+        own = [
+            frame
+            for frame in frames
+            if not frame.filename.startswith(package) and "site-packages" not in frame.filename
+        ]
+        return [*(line.rstrip() for line in traceback.format_list(own)), f"{type(self).__name__}: {self}"]
+
 
 class DeclarationError(TwinError):
     """A component's variables or functions are not well formed."""

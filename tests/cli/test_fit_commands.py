@@ -202,10 +202,15 @@ def studied(calls, monkeypatch):
             (
                 130,
                 ["shown", "DONE runs/a/time/report.html"],
-                ["interrupted: 1 case is kept. Continue with --resume."],
+                ["interrupted: 1 finished case is kept. Continue: twin study 'a b.yaml' --resume"],
             ),
         ),
-        ("interrupted", 0, 0, (130, [], ["interrupted: 0 cases are kept. Continue with --resume."])),
+        (
+            "interrupted",
+            0,
+            0,
+            (130, [], ["interrupted: 0 finished cases are kept. Continue: twin study 'a b.yaml' --resume"]),
+        ),
     ],
 )
 def test_how_a_study_ends(studied, status, cases, failed, result):

@@ -14,6 +14,7 @@ from twin.cli import follow, identify, profile, progress, simulate, study, valid
 from twin.cli import test as conformance_command
 from twin.errors import FMUError, TwinError
 from twin.process import CrashReport
+from twin.study import duration_text, progress_text
 
 
 def rows(text):
@@ -241,13 +242,14 @@ def test_results_of_a_study(capsys, monkeypatch):
             0,
             [],
             {},
-            "INTERRUPTED 30 cases in 4 s (5 per second). Report: runs/a/1/r.html  Look: twin run --case a:5",
+            "INTERRUPTED 30 of 80 cases in 4 s (5 per second). Report: runs/a/1/r.html  Look: twin run --case a:5",
         ),
     ],
 )
 def test_the_last_line_of_a_study(capsys, status, failed, parts, runs, line):
     outcome, answers = study_outcome()
     outcome.status, outcome.runs, outcome.folder, outcome.study.name = status, runs, Path("runs/a/1"), "a"
+    outcome.study.count, outcome.study.keys.worst, outcome.study.keys.tune = 80, None, None
     answers.failed, answers.shares = failed, [SimpleNamespace(part=part) for part in parts]
     study.show_verdict(outcome, answers, "r.html")
     assert capsys.readouterr().out.strip() == line
@@ -266,20 +268,24 @@ def test_a_narrow_terminal_does_not_break_names_of_metrics(monkeypatch):
 def test_progress_of_a_study(capsys):
     """A line each ten seconds, and one at the end; once where the report so far is."""
     made = [
-        SimpleNamespace(part="sample of 4", done=done, count=4, rate=9.123, left=left, failed=2, report=report)
+        SimpleNamespace(part="sample", done=done, count=4, left=left, failed=2, missed=1, report=report)
         for done, left, report in ((0, 89.4, None), (1, 90.0, "r.html"), (4, 0.0, "r.html"), (1, float("nan"), None))
     ]
-    assert [study.progress_text(one) for one in made] == [
-        "sample: 0 of 4, 9.12 per second, 89 s left, 2 failed",
-        "sample: 1 of 4, 9.12 per second, 2 min left, 2 failed",
-        "sample: 4 of 4, 2 failed; tables and report follow",
-        "sample: 1 of 4, 2 failed",
+    fails = "failures so far: 3 (2 did not finish)"
+    assert [progress_text(one) for one in made] == [
+        f"0 of 4 cases, 89 s left; {fails}",
+        f"1 of 4 cases, 2 min left; {fails}",
+        f"4 of 4 cases; {fails}; tables and report follow",
+        f"1 of 4 cases; {fails}",
     ]
-    assert [study.duration(seconds) for seconds in (89.4, 90, 5399, 5400)] == ["89 s", "2 min", "90 min", "1.5 h"]
+    none = SimpleNamespace(part="tune 3", done=1, count=9, left=float("nan"), failed=0, missed=0)
+    assert progress_text(none) == "tuning: 1 of 9 cases; failures so far: 0"
+    assert [duration_text(seconds) for seconds in (89.4, 90, 5399, 5400)] == ["89 s", "2 min", "90 min", "1.5 h"]
     display = study.StudyDisplay("Study")
+    display.last_line -= study.LINE_INTERVAL
     for one in made[:3]:
         display.update(one)
-    shown = [study.progress_text(made[0]), "report so far: r.html", study.progress_text(made[2])]
+    shown = [progress_text(made[0]), "report so far: r.html", progress_text(made[2])]
     assert capsys.readouterr().err.splitlines() == shown
 
 

@@ -6,7 +6,7 @@ import pytest
 from tests.coupling.parts import Diverging, couple
 from tests.coupling.watch_parts import Aside, Blink, Ramp, Spoiled, Sum
 from twin.coupling import Algorithm, Connection, CoSimulation, CoupledSystem
-from twin.coupling.execution.finite_value_monitor import LINE
+from twin.coupling.execution.finite_value_monitor import LINE_NOTE
 from twin.errors import SimulationError
 from twin.fmi import FMUMember
 from twin.fmi.exporting import exporter
@@ -45,7 +45,7 @@ def test_the_first_one_is_found_whether_it_is_recorded_or_not(mode, delay, build
     parts = {"sum": Sum(), "spoiled": Spoiled(at=0.05, delay=delay)}
     text, last = ended(coupled(build, parts, ["spoiled.y -> sum.u"], mode))
     assert text.startswith("spoiled.inner is inf at t = 50 ms")
-    assert f"with finite inputs. {LINE}Correct its parameters" in text
+    assert f"with finite inputs. {LINE_NOTE}Correct its parameters" in text
     assert last == 0.05
 
 

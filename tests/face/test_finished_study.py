@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import twin
-from twin.errors import TwinError
+from tests.face.parts import SCENARIO
+from twin.errors import ScenarioError, TwinError
+from twin.face import notebook
 from twin.study import load_study, run_study
 
 STUDY = """
@@ -34,6 +36,12 @@ def test_its_cases_are_a_table_with_units(study):
     np.testing.assert_allclose(study.cases.reached, 2000.0 * gains * study.cases.push)
 
 
+def test_metrics_have_the_units_of_a_run(study, place, build):
+    """The smaller unit that the scenario declares for a dimension, as in the report."""
+    run = study.case(1, out=place / "units", build=build)
+    assert run.metrics.unit.tolist() == [study.cases.attrs["units"]["reached"]] == [study.metrics.unit[0]]
+
+
 def test_its_answers(study):
     table = study.metrics.set_index("variant")
     own = study.cases[study.cases.variant == "plain"].reached
@@ -56,6 +64,34 @@ def test_a_case_is_opened_or_run_again(study, place, build):
         row = study.cases[study.cases.case == number].iloc[0]
         assert run.metrics.value.tolist() == pytest.approx([row.reached])
         assert run.variants == (row.variant,)
+
+
+def test_a_study_is_run_from_python(place, build, monkeypatch):
+    """With progress as text; the worst case is a run, and the card has the sentences of the report."""
+    (place / "run.yaml").write_text(STUDY.replace("keep: {worst: 1}", "keep: {failed: 1}"))
+    limit = "\nexpect:\n  - {name: near, metric: reached, at_most: 10 m, variants: [strong]}\n"
+    (place / "limited.yaml").write_text(SCENARIO.partition("\nexpect:")[0] + limit)
+    (place / "run.yaml").write_text((place / "run.yaml").read_text().replace("pushed.yaml", "limited.yaml"))
+    seen = []
+    made = twin.study(
+        place / "run.yaml",
+        progress=lambda text, part: seen.append((text, part)),
+        workers=1,
+        out=place / "own",
+        build=build,
+    )
+    assert (made.status, made.folder.parent) == ("completed", place / "own" / "run")
+    assert seen[-1] == (
+        f"6 of 6 cases; failures so far: {(made.cases.reached > 10_000).sum()}; tables and report follow",
+        1.0,
+    )
+    worst = made.cases.loc[made.cases.reached.idxmax()]
+    assert made.worst.metrics.value.tolist() == pytest.approx([worst.reached])
+    assert f"case {worst.case}" in made.sentences[0]
+    assert notebook.paragraph(made.sentences[0]) in made._repr_html_()
+    for wrong in ("rn.yaml", "run.yml"):
+        with pytest.raises(ScenarioError, match=r"Did you mean 'run\.yaml'"):
+            twin.study(place / wrong)
 
 
 def test_what_is_not_there(study, place, monkeypatch):

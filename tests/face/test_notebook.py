@@ -261,21 +261,29 @@ def test_cases_as_one_array():
         for seed in (1, 2)
     }
     whole = arrays.array(variable, cases)
-    assert (whole.dims, whole.dtype, whole.shape) == (("time", "variant", "seed", "element"), np.int64, (2, 2, 2, 2))
-    assert whole.sel(variant="B", seed=2, time=1.0, element=2).item() == 21
+    assert (whole.dims, whole.dtype, whole.shape) == (
+        ("time", "variant", "seed", "element_of_2"),
+        np.int64,
+        (2, 2, 2, 2),
+    )
+    assert whole.sel(variant="B", seed=2, time=1.0, element_of_2=2).item() == 21
     assert whole.attrs == {"units": "N", "long_name": "about"}
-    assert whole.element.values.tolist() == [1, 2]
+    assert whole.element_of_2.values.tolist() == [1, 2]
     del cases["A", 1]
     cases["B", 2] = Signals(np.array([1.0, 2.0]), {"a.n": np.array([[1, 2], [3, 4]])})
     part = arrays.array(variable, cases)
     assert part.time.values.tolist() == [0.0, 1.0, 2.0]
-    assert part.sel(variant="B", seed=2, element=2).values.tolist() == [pytest.approx(np.nan, nan_ok=True), 2.0, 4.0]
+    assert part.sel(variant="B", seed=2, element_of_2=2).values.tolist() == [
+        pytest.approx(np.nan, nan_ok=True),
+        2.0,
+        4.0,
+    ]
     assert np.isnan(part.sel(variant="A", seed=1)).all()
     assert arrays.array(variable, {}).shape == (0, 0, 0, 2)
     matrix = RecordedVariable("a.m", shape=(1, 2))
     assert arrays.array(matrix, {("A", 1): Signals(time, {"a.m": np.zeros((2, 1, 2))})}).dims[3:] == (
-        "element_1",
-        "element_2",
+        "element_1_of_1",
+        "element_2_of_2",
     )
     table = arrays.frame(time, {"a.m": np.arange(4.0).reshape(2, 1, 2), "a.x": time}, {"a.x": "m"})
     assert table.to_dict("list") == {

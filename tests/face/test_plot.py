@@ -34,6 +34,17 @@ def run(tmp_path):
     return open_run(folder)
 
 
+def test_panels_begin_and_end_below_each_other(run):
+    """Numbers of different widths moved them. Over the same time, they share the axis, and only the last one has its label."""
+    figure = run.plot("1e6 * tip.position", "sensor.force", variants="PI", interactive=False)
+    boxes = [axis.get_position() for axis in figure.axes]
+    assert len({(round(box.x0, 6), round(box.x1, 6)) for box in boxes}) == 1
+    first, last = figure.axes
+    assert (first.get_xlabel(), last.get_xlabel()) == ("", "time [s]")
+    last.set_xlim(0.25, 0.5)
+    assert first.get_xlim() == (0.25, 0.5)
+
+
 @pytest.fixture
 def drawn(monkeypatch):
     """What is drawn instead of a figure: (title, unit, unit of x, label, curves) of each plot, and the cases."""

@@ -76,6 +76,21 @@ def test_the_latest_finished_run(tmp_path: Path) -> None:
         latest_run.latest_run(tmp_path / "d")
 
 
+def test_a_run_without_signals_is_not_the_latest(tmp_path: Path) -> None:
+    """Neither by name nor by the link; it is, if there is no other. A note says which run was passed over."""
+    good, bad = run(tmp_path / STAMP), run(tmp_path / f"{STAMP}_2")
+    (bad / "summary.json").write_text('{"cases": []}')
+    for folder in (good, bad):
+        latest_run.link_latest(folder)
+    assert latest_run.linked(tmp_path / "latest") == good
+    assert latest_run.latest_run(tmp_path) == latest_run.resolve_latest(tmp_path / "latest") == good
+    note = f"{bad.name} is newer, but failed before it recorded anything; this is {good.name}."
+    assert latest_run.newer_note(tmp_path / "latest") == latest_run.newer_note(good) == note
+    (good / "summary.json").unlink()
+    assert latest_run.latest_run(tmp_path) == bad
+    assert latest_run.newer_note(bad) == ""
+
+
 def test_the_link_to_the_latest_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first, second, third = (run(tmp_path / f"{STAMP}{end}") for end in ("", "_2", "_3"))
     link = tmp_path / "latest"

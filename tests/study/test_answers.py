@@ -24,6 +24,7 @@ from twin.study.answers.page import linked
 from twin.study.answers.paired import mean_interval
 from twin.study.answers.sentences import effect_text, lowest_pass_rate
 from twin.study.answers.statistics import above, in_order, quantile, wilson
+from twin.study.answers.summary import noteworthy
 from twin.study.execution.case_engine import Row
 from twin.study.execution.case_table import CaseTable
 
@@ -193,6 +194,8 @@ def test_the_headline_answers_in_words(tmp_path):
         second.text,
     )
     few = headline(Answers(made(tmp_path, "latin_hypercube", 8, lambda u: u[0])))
+    begun = CaseTable(cases.study, cases.requests[:8], cases.rows[:8])  # of 20, then interrupted
+    assert [sentence.text for sentence in headline(Answers(begun))[1:]] == [sentence.text for sentence in few[1:]]
     assert [sentence.text for sentence in few[1:]] == [
         "8 samples support no statement about other cases or about causes: take at least 10."
     ]
@@ -218,6 +221,23 @@ def test_the_headline_names_one_change_and_what_did_not_finish(tmp_path):
         "19 of 20 cases (95 %; 95 % confidence interval 76.4 % to 99.1 %) pass 'gentle'; one that fails is case 7."
     )
     assert texts[-1] == "1 case did not finish."
+
+
+def test_the_worst_case_of_a_limit_on_a_signal_is_named(tmp_path):
+    """By the samples that the case stored, whatever the order of the cases is."""
+    limit = "  - {name: never more, signal: sensor.measured_force, at_most: 80 mN}\n"
+    path = study_file(tmp_path, STUDY.replace("\nkeep:", "\nvariants: [plain]\nkeep:"), SCENARIO + limit)
+    study = load_study(path)
+    requests = list(study.requests())
+    rows = [
+        Row(one.number, "done", "", (0.05, 0.01), (True, None, high <= 0.08), extremes=(None, None, (0.0, high)))
+        for one, high in zip(requests, (0.07, 0.081, 0.095, 0.05, 0.084, 0.06), strict=True)
+    ]
+    cases = CaseTable(study, requests, rows)
+    first = headline(Answers(cases))[0]
+    assert first.case == requests[2].number
+    assert first.text.endswith("is case 3, where sensor.measured_force is 95 mN, expected at most 80 mN.")
+    assert noteworthy(cases, SimpleNamespace(failed=1, worst=0)) == [3]
 
 
 def test_a_part_is_never_rounded_to_all_of_it():
@@ -269,7 +289,8 @@ def test_the_command_runs_a_study_and_one_of_its_cases_again(tmp_path, build):
     page = (folder / "report.html").read_text()
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert page.count("<svg") >= 5
-    failing = next(one["failing"] for one in told["expectations"] if one["failing"])
+    failing = told["clusters"][0]["cases"]  # the worst first, which is kept
+    assert told["sentences"][0]["case"] == failing[0]
     row = re.search(rf'<tr id="case-{failing[0]}" class="bad">.*?</tr>', page, re.DOTALL)[0]
     assert 'report.html">report</a>' in row  # that one was kept
     assert f'href="#case-{failing[0]}"' in page

@@ -214,6 +214,27 @@ def test_all_mistakes_are_told_with_their_lines(tmp_path):
         assert any(one.startswith(f"patients.yaml:{line}:") and text in one for one in told.split("\n")), (text, told)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "line", "text"),
+    [
+        ("scenario: scenari.yaml", 2, "scenario: .*scenari.yaml: is not there. Did you mean '.*scenario.yaml'"),
+        ("scenario: heart_wal_force", 2, "scenario: there is no scenario 'heart_wal_force', .* Did you mean"),
+        ("scenario: other/none.yaml", 2, "scenario: .*none.yaml: is not there. Give a path as seen from this file"),
+    ],
+)
+def test_a_wrong_scenario_is_reported_with_its_line(tmp_path, wrong, line, text):
+    with pytest.raises(ScenarioError, match=text) as caught:
+        loaded(tmp_path, STUDY.replace("scenario: scenario.yaml", wrong))
+    (problem,) = caught.value.problems
+    assert f"patients.yaml:{line}: " in problem
+
+
+def test_a_distribution_with_a_wrong_value_is_one_problem(tmp_path):
+    with pytest.raises(ScenarioError) as caught:
+        loaded(tmp_path, STUDY.replace("uniform: [0.5, 1.5]", "uniform: [0.5]"))
+    assert len(caught.value.problems) == 1
+
+
 TRIANGLE = (("heart.rate, heart.scale", 0.9), ("heart.rate, bent end", 0.9), ("heart.scale, bent end", -0.9))
 KNOB = "tune: {{metric: motion, knobs: {{wall.free_length: {{from: {low}, to: {high}, scale: {scale}}}}}}}"
 LIMIT = "tune: {{metric: motion, knobs: {{wall.free_length: {{from: 1 mm, to: 2 mm}}}}, limits: [{}]}}"

@@ -16,11 +16,11 @@ from pyarrow import parquet
 
 from tests.study.patients import study_file
 from twin.errors import ScenarioError
-from twin.results import Signals, expression
+from twin.results import Signals, Window, expression
 from twin.study import load_study
 from twin.study.design import StudyRequest
 from twin.study.execution import case_table
-from twin.study.execution.case_engine import Engine, Job, Row
+from twin.study.execution.case_engine import Engine, Job, Row, extreme_samples
 from twin.study.execution.journal import StudyJournal
 from twin.study.execution.process_pool import LostError, NotReadyError, Pool, Process, memory_of_each
 from twin.study.execution.progress import ProgressReporter, TimeEstimate
@@ -98,12 +98,12 @@ def test_progress_counts_and_estimates_what_is_left(monkeypatch):
     journal, seen = SimpleNamespace(rows={1: Row(1, "failed", "", (), ()), 2: Row(2, "done", "", (), ())}), []
     reporter = ProgressReporter(journal, 6, seen.append)
     for number, status in ((3, "done"), (4, "failed"), (7, "done")):
-        journal.rows[number] = row = Row(number, status, "", (), ())
+        journal.rows[number] = row = Row(number, status, "", (), (number != 7, None))
         reporter.take(row)
-    assert [(one.part, one.done, one.count, one.failed) for one in seen] == [
-        ("sample", 3, 6, 1),
-        ("sample", 4, 6, 2),
-        ("sample", 5, 6, 2),
+    assert [(one.part, one.done, one.count, one.failed, one.missed) for one in seen] == [
+        ("sample", 3, 6, 1, 0),
+        ("sample", 4, 6, 2, 0),
+        ("sample", 5, 6, 2, 1),
     ]
     assert all(np.isnan(one.left) for one in seen[:2])
     assert (seen[2].rate, seen[2].left, seen[2].report) == (0.5, 2.0, None)
@@ -322,6 +322,18 @@ def test_samples_of_a_signal_are_at_multiples_of_the_period(tmp_path, build, tim
     text = own.sampled(expression.parse("sensor.measured_force"), recorded(time, np.asarray(time)))
     np.testing.assert_array_equal(case_table.decoded(text), np.array(samples, np.float32))
     assert own.sampled(expression.parse("sensor.nothing"), recorded(time, np.asarray(time))) == ""
+
+
+def test_the_extremes_of_the_signal_of_an_expectation_are_stored():
+    """In its window; none of an expectation of a metric, and none without a finite sample."""
+    force = expression.parse("sensor.force")
+    signals = Signals(np.array([0.0, 1.0, 2.0]), {"sensor.force": np.array([9.0, 0.1, 0.4])})
+    of_signal = SimpleNamespace(signal=force, window=Window(1_000_000_000, None))
+    assert extreme_samples(signals, of_signal) == (0.1, 0.4)
+    assert extreme_samples(signals, SimpleNamespace(signal=None)) is None
+    assert extreme_samples(signals, SimpleNamespace(signal=expression.parse("other.x"))) is None
+    signals.values["sensor.force"][2] = np.nan
+    assert extreme_samples(signals, of_signal) is None
 
 
 def test_a_case_is_judged_by_metrics_and_the_expectations_that_it_has_alone(tmp_path, build):

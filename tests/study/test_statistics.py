@@ -59,36 +59,38 @@ def test_parts_of_a_distribution_that_is_cut(kind, numbers, low, high, span):
         ("values", [], -INF, INF, "has no values. Give some."),
         ("values", [1.0], -INF, INF, ""),
         ("uniform", [1.0, 2.0], -INF, INF, ""),
-        ("uniform", [2.0, 2.0], -INF, INF, "uniform from 2 to 2 is empty. Swap them."),
-        ("log_uniform", [3.0, 2.0], -INF, INF, "log_uniform from 3 to 2 is empty. Swap them."),
+        ("uniform", [2.0, 2.0], -INF, INF, "uniform from 2 mm to 2 mm is empty. Swap them."),
+        ("log_uniform", [3.0, 2.0], -INF, INF, "log_uniform from 3 mm to 2 mm is empty. Swap them."),
         ("uniform", [-1.0, 2.0], -INF, INF, ""),
-        ("log_uniform", [0.0, 2.0], -INF, INF, "log_uniform begins at 0, which has no logarithm. Begin above zero."),
+        ("log_uniform", [0.0, 2.0], -INF, INF, "log_uniform begins at 0 mm, which has no logarithm. Begin above zero."),
         ("log_uniform", [0.1, 2.0], -INF, INF, ""),
         ("normal", [3.0, 2.0], -INF, INF, ""),
-        ("normal", [3.0, 0.0], -INF, INF, "standard deviation 0 is not above zero. Correct it."),
+        ("normal", [3.0, 0.0], -INF, INF, "standard deviation 0 mm is not above zero. Correct it."),
         ("log_normal", [3.0, 1.5], -INF, INF, ""),
         (
             "log_normal",
             [0.0, 1.5],
             -INF,
             INF,
-            "log_normal needs a median above 0 and a geometric standard deviation above 1, not 0, 1.5.",
+            "log_normal needs a median above 0 and a geometric standard deviation above 1, not 0 mm, 1.5 mm.",
         ),
         (
             "log_normal",
             [3.0, 1.0],
             -INF,
             INF,
-            "log_normal needs a median above 0 and a geometric standard deviation above 1, not 3, 1.",
+            "log_normal needs a median above 0 and a geometric standard deviation above 1, not 3 mm, 1 mm.",
         ),
-        ("normal", [0.0, 1.0], 2.0, 2.0, "from 2 is not below to 2. Swap them."),
+        ("normal", [0.0, 1.0], 2.0, 2.0, "from 2 mm is not below to 2 mm. Swap them."),
         ("normal", [0.0, 1.0], 2.0, 3.0, ""),
         ("normal", [0.0, 1.0], 7.0, INF, "nothing of the distribution is between `from` and `to`. Widen them."),
         ("uniform", [1.0, 2.0], 2.0, 3.0, "nothing of the distribution is between `from` and `to`. Widen them."),
     ],
 )
 def test_numbers_of_a_distribution(kind, numbers, low, high, wrong):
-    assert wrong_numbers(kind, numbers, low, high) == wrong
+    """In the units of the file."""
+    texts = [f"{number:g} mm" for number in (*numbers, low, high)]
+    assert wrong_numbers(kind, numbers, low, high, texts) == wrong
 
 
 def test_a_quantile_lies_between_order_statistics():
@@ -271,10 +273,10 @@ def test_factors_by_which_cases_differ():
 
 
 def test_failures_are_grouped_by_variant_and_kind(tmp_path):
-    """Numbers in a message do not count; the largest group comes first."""
+    """Numbers in a message do not count; the largest group comes first, in it the case farthest beyond its limit."""
     found = clusters.clusters(table(tmp_path, [None, 0.2, 0.01, 0.3, None, 0.4]))
     assert [(one.variant, one.what, one.cases, one.of, one.example, one.factors) for one in found] == [
-        ("soft", "gentle", (2, 4, 6), 3, "", ()),
+        ("soft", "gentle", (6, 4, 2), 3, "", ()),
         ("plain", "lost at # s", (1, 5), 3, "lost at 0 s", ()),
     ]
 

@@ -2,13 +2,14 @@
 
 import json
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from tests.viewer.recorded import BEATS, FORCE, PLACE, beats, folder_of, runs
 from twin.errors import TwinError
-from twin.results import EventLine, MetricResult, consecutive_spans, metric_formats
+from twin.results import EventLine, MetricResult, consecutive_spans, expression, metric_formats
 from twin.results.recording.run_folder import metric_to_dict
 from twin.viewer import select_cases, select_signals
 from twin.viewer.page_data import about
@@ -181,6 +182,18 @@ def test_a_folder_alone_is_enough_and_stays_as_it_is(tmp_path):
     told = about(runs(folder))
     assert "events and limits are not shown" in told["runs"][0]["problem"]
     assert [one["verdict"] for one in told["expectations"]] == ["fail", "pass"]
+
+
+def test_what_an_analysis_reads_is_shown_before_what_it_computes(opened):
+    """A value of a window is a flat line; the signal that it judges tells why it fails."""
+    verdicts = Verdicts(opened.runs[0])
+    inputs = {"force": expression.parse("heart.position"), "gone": expression.parse("gone.x")}
+    verdicts.scenario = SimpleNamespace(analyses=(SimpleNamespace(name="windows", inputs=inputs),))
+    assert (verdicts.analyzed("windows.std"), verdicts.analyzed("heart.velocity")) == (["heart.position"], [])
+    failed = SimpleNamespace(verdict="fail", signal="windows.std")
+    verdicts.expectations, verdicts.plots = lambda: [failed], list
+    run = SimpleNamespace(verdicts=verdicts, summary={}, variables={}, folder=opened.runs[0].folder)
+    assert select_signals(SimpleNamespace(runs=[run]), ()) == ["heart.position", "windows.std"]
 
 
 def test_signals_and_cases_are_chosen(opened):

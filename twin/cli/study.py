@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 import sys
 import time
@@ -91,6 +90,7 @@ def command(
         show_estimate(study, estimate)
         sys.exit(1 if estimate.failures else 0)
     folder = latest(runs, study.name) if resume else None
+    line = shlex.join(["twin", *sys.argv[1:]])
     with StudyDisplay(study.title) as display:
         outcome = run_study(
             study,
@@ -102,7 +102,7 @@ def command(
             memory=int(memory * 1e9),
             resume=folder,
             listen=display.update,
-            command=shlex.join(["twin", *sys.argv[1:]]),
+            command=line,
             report=not no_report,
         )
     count = len(outcome.cases.rows)
@@ -111,7 +111,8 @@ def command(
         named = show(outcome, answers)
         show_verdict(outcome, answers, "cases.parquet" if no_report else "report.html", named)
     if outcome.status == "interrupted":
-        say(f"interrupted: {count} case{'s are' if count != 1 else ' is'} kept. Continue with --resume.", err=True)
+        cases = f"{count} finished case{'s are' if count != 1 else ' is'} kept"
+        say(f"interrupted: {cases}. Continue: {line}{' --resume' * (not resume)}", err=True)
         sys.exit(130)
     if answers is not None and answers.failed:
         sys.exit(1)
@@ -120,11 +121,16 @@ def command(
 class StudyDisplay(ProgressBar):
     """Progress of a study: a bar on a terminal, a line every 10 s elsewhere; both on stderr."""
 
-    last_line = 0.0
     has_report = False
 
+    def __init__(self, title: str) -> None:
+        super().__init__(title)
+        self.last_line = time.monotonic()
+
     def update(self, progress: StudyProgress) -> None:
-        """Show rate, remaining time and failures so far."""
+        """Show cases, remaining time and failures so far."""
+        from twin.study import progress_text
+
         if progress.report is not None and not self.has_report:
             self.has_report = True
             say(f"report so far: {progress.report}", err=True)
@@ -135,24 +141,6 @@ class StudyDisplay(ProgressBar):
             say(text, err=True)
 
 
-def progress_text(progress: StudyProgress) -> str:
-    """Return `sample: 713 of 4000, 9.1 per second, 6 min left, 2 failed`."""
-    done = f"{progress.part.partition(' ')[0]}: {progress.done} of {progress.count}, "
-    failed = f"{progress.failed} failed"
-    if progress.done >= progress.count:
-        return f"{done}{failed}; tables and report follow"
-    if not math.isfinite(progress.left):
-        return f"{done}{failed}"
-    return f"{done}{progress.rate:.3g} per second, {duration(progress.left)} left, {failed}"
-
-
-def duration(seconds: float) -> str:
-    """Return `89 s`, `12 min` or `2.5 h`."""
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
-
-
 def show_estimate(study: Study, estimate: TimeEstimate) -> None:
     """Print the extent of a study and what it will take."""
     say(extent(study))
@@ -160,9 +148,11 @@ def show_estimate(study: Study, estimate: TimeEstimate) -> None:
     show_table(["variant", "cases", "time of a case"], rows, 1)
     for why in estimate.failures:
         say(f"did not finish: {why}")
+    from twin.study import duration_text
+
     processes = f"{estimate.workers} process{'es' * (estimate.workers > 1)}"
     say(
-        f"About {duration(estimate.total)} with {processes}, of which {duration(estimate.preparation)} to begin; "
+        f"About {duration_text(estimate.total)} with {processes}, of which {duration_text(estimate.preparation)} to begin; "
         "the report and cases that are kept come on top."
     )
 
@@ -213,7 +203,7 @@ def show_verdict(outcome: StudyOutcome, answers: Answers, file: str, named: int 
 
     `named`: the case to look at; by default the first one that was kept, or that failed.
     """
-    from twin.study import open_command
+    from twin.study import open_command, searched_cases
 
     count = len(outcome.cases.rows)
     rates = [rate.part for rate in answers.shares]
@@ -226,7 +216,9 @@ def show_verdict(outcome: StudyOutcome, answers: Answers, file: str, named: int 
     number = named or next(iter([*outcome.runs, *failing, 1]))
     look = open_command(name, number, outcome.runs)
     seconds = f"{outcome.seconds:.3g} s" if outcome.seconds < 100 else f"{outcome.seconds:.0f} s"
-    show_outcome(word, f"{count} cases in {seconds}{rate}.", outcome.folder / file, look)
+    total = outcome.study.count + sum(searched_cases(outcome.study).values())
+    of_total = f" of {total}" if outcome.status == "interrupted" else ""
+    show_outcome(word, f"{count}{of_total} cases in {seconds}{rate}.", outcome.folder / file, look)
 
 
 def show_distributions(outcome: StudyOutcome, answers: Answers, console: Console) -> None:

@@ -150,10 +150,13 @@ def check_name(text: str, runs: Path) -> None:
 
 def run_folder(text: str, runs: Path) -> Path:
     """Return the folder of a run: of `latest` alone that of the last run of any scenario."""
-    from twin.results import LATEST, resolve_latest
+    from twin.results import LATEST, newer_note, resolve_latest
 
     if text == LATEST:
-        return resolve_latest(Path(text), root=runs)
+        folder = resolve_latest(Path(text), root=runs)
+        if note := newer_note(folder):
+            say(note, err=True)
+        return folder
     return case_of_study(text, runs) or first_case(Path(text))
 
 

@@ -6,6 +6,7 @@ from .conditions import Condition as Condition
 from .cosimulation import CoSimulation as CoSimulation
 from .events import Events as Events
 from .execution import condition_loop as condition_loop
+from .execution.finite_value_monitor import LINE_NOTE as LINE_NOTE
 from .execution.profiler import Stopwatch as Stopwatch
 from .execution.recorder import MemoryRecorder as MemoryRecorder
 from .execution.recorder import Recorder as Recorder

@@ -2,6 +2,7 @@ from .finished_run import Run as Run
 from .finished_run import open_run as open_run
 from .finished_study import StudyResult as StudyResult
 from .finished_study import open_study as open_study
+from .finished_study import study as study
 from .fmus import export as export
 from .fmus import simulate as simulate
 from .scenario import Scenario as Scenario

@@ -29,6 +29,7 @@ EXPECTATIONS = ("name", "verdict", "detail")
 def array(variable: RecordedVariable, cases: Cases) -> xr.DataArray:
     """Return a variable over time x variant x seed x elements; `cases` are those that recorded it.
 
+    The dimension of an array has its length in its name, `element_of_3`, since arrays of other lengths have other dimensions.
     Missing cases and missing samples are NaN, for which integers and Booleans become floats. Without cases it is empty.
     """
     xarray = import_optional("xarray", "python", "a DataArray")
@@ -44,7 +45,9 @@ def array(variable: RecordedVariable, cases: Cases) -> xr.DataArray:
         data[...] = np.nan
     for ((variant, seed), signals), value in zip(cases.items(), values, strict=True):
         data[np.searchsorted(time, signals.time), variants.index(variant), seeds.index(seed)] = value
-    axes = ["element"] if len(variable.shape) == 1 else [f"element_{i + 1}" for i in range(len(variable.shape))]
+    axes = [f"element_{i + 1}_of_{size}" for i, size in enumerate(variable.shape)]
+    if len(axes) == 1:
+        axes = [f"element_of_{variable.shape[0]}"]
     coordinates = {
         "time": ("time", time, {"units": "s"}),
         "variant": variants,
@@ -59,12 +62,12 @@ def array(variable: RecordedVariable, cases: Cases) -> xr.DataArray:
 def dataset(
     variables: Sequence[RecordedVariable], cases: Cases, variants: Sequence[str], seeds: Sequence[int]
 ) -> xr.Dataset:
-    """Return variables over time x variant x seed; the elements of an array along its own dimensions, `NAME element`."""
+    """Return variables over time x variant x seed x elements, each as `array` returns it."""
     xarray = import_optional("xarray", "python", "a Dataset")
-    columns = []
-    for variable in variables:
-        column = array(variable, {case: table for case, table in cases.items() if variable.name in table.values})
-        columns.append(column.rename({axis: f"{variable.name} {axis}" for axis in column.dims[3:]}))
+    columns = [
+        array(variable, {case: table for case, table in cases.items() if variable.name in table.values})
+        for variable in variables
+    ]
     aligned = xarray.align(*columns, join="outer")
     return xarray.Dataset({column.name: column for column in aligned}).reindex(variant=list(variants), seed=list(seeds))
 

@@ -1,4 +1,7 @@
-"""A run in Python: metrics, signals and plots, read from the run's folder on demand."""
+"""A run in Python: metrics, signals and plots, read from the run's folder on demand.
+
+Over 400 lines: all that a person does with a run.
+"""
 
 from __future__ import annotations
 
@@ -26,6 +29,7 @@ from twin.results import (
     expression,
     find_results,
     list_recorded_variables,
+    newer_note,
     plotting,
     read_variables,
     si_conversion,
@@ -46,11 +50,13 @@ if TYPE_CHECKING:
 
 
 def open_run(path: str | Path) -> Run:
-    """Open a finished run: by its folder, the last one as `runs/SCENARIO/latest` or by the scenario's name in runs/.
+    """Open a finished run: by its folder, the last one with signals as `runs/SCENARIO/latest` or by the scenario's name in runs/.
 
-    TwinError if there is none, with similar names.
+    TwinError if there is none, with similar names. A newer run that failed without signals is named in `notes`.
     """
-    return Run(find_results(Path(path), "summary.json", "run", "heart_wall_force"))
+    folder = find_results(Path(path), "summary.json", "run", "heart_wall_force")
+    note = newer_note(folder) if folder != Path(path) else ""
+    return Run(folder, notes=[note] * bool(note))
 
 
 CARD_WIDTH = 6.4  # of the plot in a notebook [in]: its letters stay legible where the notebook is narrow
@@ -174,7 +180,7 @@ class Run:
         return find_variable(name, self._recorded, self.folder)
 
     def __getitem__(self, name: str | list[str]) -> Any:
-        """Return a variable over time x variant x seed (x element), in its own unit `.attrs["units"]`, as a DataArray.
+        """Return a variable over time x variant x seed (x element_of_N), in its own unit `.attrs["units"]`, as a DataArray.
 
         Also an expression, such as `sensor.force - wall.force`; a list of variables or a pattern, such as `sensor.*`, as a
         Dataset. Variants that did not record it are omitted.

@@ -1,4 +1,4 @@
-"""A finished study in Python: its cases as a table, its answers, and the run of any case."""
+"""A study in Python: run it or open it; its cases as a table, its answers, and the run of any case."""
 
 from __future__ import annotations
 
@@ -7,19 +7,57 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin.errors import TwinError, UnknownNameError, nearest
+from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
 from twin.face import notebook
-from twin.face.conversions import choice
+from twin.face.conversions import check_file, choice, python_option_names
 from twin.face.finished_run import Run
+from twin.face.progress import progress_callback
 from twin.installed import import_optional
-from twin.results import find_results, readable_recording, si_conversion
-from twin.study import percent, repeat, stored_cases
+from twin.results import display_units, find_results, readable_recording, si_conversion
+from twin.study import latest, load_study, percent, progress_text, repeat, run_study, stored_cases
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from twin.face.progress import Progress
+
 CASES = "cases.parquet"
 SHOWN = "SI, shown in "  # before the unit of a metric in cases.parquet
+
+
+def study(
+    file: str | Path,
+    *,
+    progress: Progress = None,
+    workers: int = 0,
+    resume: bool = False,
+    out: str | Path = "runs",
+    build: str | Path = "build",
+) -> StudyResult:
+    """Run a study file, by its path or the name of a shipped one, as `twin study`; ScenarioError with all `problems`.
+
+        study = twin.study("few_patients.yaml", progress=True)
+        study.cases; study.expectations; study.worst.plot()
+
+    `progress`: True for a bar, or a callback with a text and the completed fraction. `workers`: processes, by default one per
+    core. `resume`: continue the newest run of the study. After Ctrl-C the `status` is `interrupted`, and finished cases are kept.
+    """
+    check_file(file, "study", (".yaml", ".yml"), ScenarioError)
+    checked = load_study(file)
+    folder = latest(Path(out), checked.name) if resume else None
+    with python_option_names(), progress_callback(progress, checked.title) as report_progress:
+        outcome = run_study(
+            checked,
+            root=Path(out),
+            build=Path(build),
+            workers=workers,
+            resume=folder,
+            listen=lambda now: report_progress(progress_text(now), now.done / max(now.count, 1)),
+            command="twin.study",
+        )
+    if not outcome.cases.rows:
+        raise TwinError(f"{outcome.folder}: {outcome.status} before a case was done. Run the study again.")
+    return StudyResult(outcome.folder)
 
 
 def open_study(path: str | Path) -> StudyResult:
@@ -34,7 +72,10 @@ def open_study(path: str | Path) -> StudyResult:
 
 
 class StudyResult:
-    """Results of a study: `cases`, `metrics`, `expectations`, and `case(number)` as a `Run`. `manifest`: of manifest.json."""
+    """Results of a study: `cases`, `metrics`, `expectations`, `sentences`; `worst` and `case(number)` as a `Run`.
+
+    `manifest`: content of manifest.json.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -53,9 +94,27 @@ class StudyResult:
         """Title."""
         return str(self.manifest["title"])
 
+    @property
+    def status(self) -> str:
+        """`completed`, `interrupted`, or `running`."""
+        return str(self.manifest["status"])
+
+    @property
+    def sentences(self) -> list[str]:
+        """The answers in words, as at the top of the report."""
+        return [str(sentence["text"]) for sentence in self.answers.get("sentences", ())]
+
+    @property
+    def worst(self) -> Run:
+        """The worst case as a run with all signals: the first one that the sentences name."""
+        numbers = [sentence["case"] for sentence in self.answers.get("sentences", ()) if sentence["case"] is not None]
+        if not numbers:
+            raise TwinError(f"{self.folder}: no case is worse by a requirement. Use `case(worst_case(METRIC))`.")
+        return self.case(numbers[0], out=self.folder.parents[1])
+
     @cached_property
     def cases(self) -> pd.DataFrame:
-        """A row for each case: factors, metrics, `holds: EXPECTATION`, status; units in `.attrs["units"]`."""
+        """A row for each case: factors, metrics in the units of the report, `holds: EXPECTATION`, status; units in `.attrs["units"]`."""
         import_optional("pandas", "python", "a DataFrame")
         from pyarrow import parquet
 
@@ -63,11 +122,11 @@ class StudyResult:
             table = parquet.read_table(self.folder / CASES)
         frame: pd.DataFrame = table.to_pandas()
         units = {field.name: ((field.metadata or {}).get(b"unit") or b"").decode() for field in table.schema}
-        for name, unit in units.items():
-            if unit.startswith(SHOWN):
-                units[name] = unit.removeprefix(SHOWN)
-                factor, offset = si_conversion(units[name])
-                frame[name] = (frame[name].astype(float) - offset) / factor
+        shown = {name: unit.removeprefix(SHOWN) for name, unit in units.items() if unit.startswith(SHOWN)}
+        for name, unit in display_units(shown).items():
+            units[name] = unit
+            factor, offset = si_conversion(unit)
+            frame[name] = (frame[name].astype(float) - offset) / factor
         frame.attrs["units"] = units
         return frame
 
@@ -138,5 +197,9 @@ class StudyResult:
         ]
         table = notebook.table({"expectation": "text", "pass rate": "number", "cases": "number"}, rates)
         return notebook.page(
-            notebook.heading(self.title), notebook.paragraph(self._state), notebook.links(self.folder, ""), table
+            notebook.heading(self.title),
+            notebook.paragraph(self._state),
+            notebook.links(self.folder, ""),
+            *map(notebook.paragraph, self.sentences),
+            table,
         )

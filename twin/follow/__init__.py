@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-
-from twin import CallablePackage
+from twin import make_callable
 from twin.follow.changes import Alarm
 from twin.follow.estimate_recording import EstimateRecording, write_run
 from twin.follow.exporting import estimator, is_follow_file
@@ -43,4 +41,4 @@ __all__ = [
 ]
 
 
-sys.modules[__name__].__class__ = CallablePackage
+make_callable(__name__)

@@ -1,10 +1,8 @@
 """Live sessions: a scenario that runs paced in its own process, controlled by an operator; its log reproduces it to the bit."""
 
-import sys
-
 import lazy_loader
 
-from twin import CallablePackage
+from twin import make_callable
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-sys.modules[__name__].__class__ = CallablePackage
+make_callable(__name__)

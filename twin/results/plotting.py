@@ -1,4 +1,7 @@
-"""Plots of a report as SVG. Matplotlib is imported on first use, only here and in `twin.scene.picture`."""
+"""Plots of a report as SVG. Matplotlib is imported on first use, only here and in `twin.scene.picture`.
+
+Over 400 lines: one figure, from its panels to its labels.
+"""
 
 from __future__ import annotations
 
@@ -159,8 +162,27 @@ def plot_figure(
             draw_plot(part, plot, panels, tables, events, violations)
             if titled and plot.title:
                 part.suptitle(plot.title, x=0.01, horizontalalignment="left", fontsize=11, fontweight="bold")
+        if len(visible_plots) > 1 and not any(panel_columns(plot, panels) > 1 for plot, panels in visible_plots):
+            align_panels(figure, [plot for plot, _ in visible_plots])
     figure._repr_svg_ = partial(notebook_svg, figure)
     return figure
+
+
+def align_panels(figure: Any, plots: Sequence[Plot]) -> None:
+    """Let all panels of a figure begin and end below each other; over the same time, they share the axis and its label."""
+    figure.draw_without_rendering()  # the layout, which aligns panels of one plot only
+    axes = [axis for axis in figure.axes if axis.get_visible()]
+    boxes = [axis.get_position() for axis in axes]
+    figure.set_layout_engine("none")
+    left, right = max(box.x0 for box in boxes), min(box.x1 for box in boxes)
+    for axis, box in zip(axes, boxes, strict=True):
+        axis.set_position((left, box.y0, right - left, box.height))
+    if any(map(is_loop_plot, plots)) or len({(plot.x_unit, plot.window) for plot in plots}) > 1:
+        return
+    for axis in axes[:-1]:
+        axis.sharex(axes[-1])
+        axis.tick_params(labelbottom=False)
+        axis.set_xlabel("")
 
 
 def notebook_svg(figure: Any) -> str:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import time
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,7 +14,7 @@ import numpy as np
 
 from twin import clock, installed
 from twin.coupling import CoSimulation, IsolatedMember, find
-from twin.errors import DeclarationError, ScenarioError
+from twin.errors import DeclarationError, ScenarioError, TwinError
 from twin.results import Evaluation, HardwareTermination, Signals
 from twin.results import run_folder as results
 from twin.run.conditions import apply_event, conditions_of
@@ -22,6 +25,8 @@ if TYPE_CHECKING:
     from twin.run.step_refinement import StepRefinement
     from twin.scenario import Case, EventSpec, ScenarioSpec
 
+SEARCH_TIME = 10.0  # of the line that makes a case fail, at most [s]
+PYTHON_ERROR = re.compile(r"Last log: (\S.*:\d+: \w+: .*)")
 Progress = Callable[[str, float], object]  # name of the case, completed fraction (0 to 1)
 
 
@@ -253,6 +258,35 @@ def run_case(case: Case, cosimulation: CoSimulation, progress: Progress, states:
             return
         apply_event(event, case, cosimulation, catalog)
     advance(case.stop_ns)
+
+
+def failing_line(case: Case, catalog: Catalog, build: Path) -> str:
+    """Return file, line and error of a component's code where a case fails, found by running it as Python; "" if none is.
+
+    The backends give the same values to the bit, so that it fails at the same time; it ends after `SEARCH_TIME`.
+    """
+    deadline = time.monotonic() + SEARCH_TIME
+
+    def check(_case: str, _part: float) -> None:
+        if time.monotonic() > deadline:
+            raise TimeoutError
+
+    error = ""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        cosimulation: CoSimulation | None = None
+        try:
+            cosimulation = build_simulation(case, catalog, Backend.interpreted, build)
+            run_case(case, cosimulation, check)
+        except (TwinError, TimeoutError) as failure:
+            error = str(failure)
+        finally:
+            if cosimulation is not None:
+                cosimulation.terminate()
+    if raised := PYTHON_ERROR.search(error):
+        return raised[1].removesuffix(".")
+    numeric = [warning for warning in caught if issubclass(warning.category, RuntimeWarning)]
+    return f"{numeric[0].filename}:{numeric[0].lineno}: {numeric[0].message}" if numeric else ""
 
 
 def events_before(case: Case, time_ns: clock.Time, met: Sequence[tuple[clock.Time, int]]) -> list[EventSpec]:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin import clock
-from twin.coupling import Ring
+from twin.coupling import LINE_NOTE, Ring
 from twin.errors import ScenarioError, TwinError, nearest
 from twin.process import LogLines, Stop, SupervisorChannel
 from twin.results import HardwareTermination, Journal, column_to_dict
@@ -30,6 +30,7 @@ from twin.run.cases import (
     add_notes,
     apply_analyses,
     build_simulation,
+    failing_line,
     list_recorded_columns,
     refuse_faults,
     resolve_catalogs,
@@ -251,6 +252,9 @@ class RunExecutor:
             raise
         if cosimulation is not None:
             complete, failure = self.finish_case(number, case, cosimulation, complete, failure)
+        if LINE_NOTE in failure and self.hardware is None and result.run.status == "completed":
+            line = failing_line(case, result.catalogs[case.variant], self.options.build)
+            failure = failure.replace(LINE_NOTE, f"It comes from {line}. " if line else LINE_NOTE)
         if failure:
             result.mark_incomplete("failed", failure)
         if changes := self.callbacks.operator_changes():

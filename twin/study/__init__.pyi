@@ -7,8 +7,10 @@ from .design import load_study as load_study
 from .execution import StudyOutcome as StudyOutcome
 from .execution import StudyProgress as StudyProgress
 from .execution import TimeEstimate as TimeEstimate
+from .execution import duration_text as duration_text
 from .execution import estimate_time as estimate_time
 from .execution import latest as latest
+from .execution import progress_text as progress_text
 from .execution import repeat as repeat
 from .execution import resolve_case as resolve_case
 from .execution import run_study as run_study

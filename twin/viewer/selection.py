@@ -57,9 +57,10 @@ def suggest_signals(runs: RunCollection) -> list[str]:
     for run in runs.runs:
         verdicts = run.verdicts
         failed = [
-            expectation.signal
+            name
             for expectation in verdicts.expectations()
             if expectation.verdict == "fail" and expectation.signal
+            for name in (*verdicts.analyzed(expectation.signal), expectation.signal)
         ]
         plotted = [name for plot in verdicts.plots() for name in (*plot["signals"], plot["x"]) if name]
         selected.update(dict.fromkeys([*failed, *plotted]))

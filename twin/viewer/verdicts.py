@@ -163,6 +163,13 @@ class Verdicts:
             min((own[0][0] for own in spans.values() if expectation.signal), default=None),
         )
 
+    def analyzed(self, signal: str) -> list[str]:
+        """Return the recorded signals from which analyses compute a signal: a value of a window alone shows no cause."""
+        sources = {operand.name.partition(".")[0] for operand in expression.parse(signal).signals}
+        analyses = self.scenario.analyses if self.scenario else ()
+        inputs = [source for analysis in analyses if analysis.name in sources for source in analysis.inputs.values()]
+        return [ast.unparse(source.tree) for source in inputs if self._has(source)]
+
     def _has(self, signal: Expression) -> bool:
         return all(operand.name in self.viewed.variables for operand in signal.signals)
 

@@ -37,7 +37,7 @@ class TypedFunction:
     @property
     def where(self) -> str:
         """File and line."""
-        return f"{self.source.file.name}:{self.source.tree.lineno}"
+        return f"{self.source.file.shown}:{self.source.tree.lineno}"
 
 
 class Program:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 COMPUTED = ("output", "local")
 REMEDY = "Correct its parameters or start values, or write `finite: false` for the member if that is meant."
-LINE = "The backend `interpreted` warns at the line of the code. "
+LINE_NOTE = "The backend `interpreted` warns at the line of the code. "
 
 
 def finite_variables(member: Member) -> list[MemberVariable]:
@@ -234,7 +234,7 @@ class FiniteValueMonitor:
         element = f"[{','.join(str(i + 1) for i in index)}]" if index else ""
         others = [f"{name}.{path}" for path in candidates if path != first]
         more = f" ({', '.join(others[:2])}{' and others' if len(others) > 2 else ''} too)" if others else ""
-        line = LINE if isinstance(member, RecordMember) or member.has_cheap_fmu_state else ""
+        line = LINE_NOTE if isinstance(member, RecordMember) or member.has_cheap_fmu_state else ""
         cause = (
             f"with finite inputs. {line}{REMEDY}" if is_source else f"and not all of its inputs are finite. {REMEDY}"
         )

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from twin.errors import TwinError, nearest
 from twin.files import write_atomically
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 SUMMARY = "summary.json"  # of a finished run
 ROOT = Path("runs")  # default folder of the results of all scenarios and studies
@@ -33,14 +38,37 @@ def finished_runs(root: Path, file: str = SUMMARY) -> list[Path]:
     return sorted((folder for folder in folders if is_finished_run(folder, file)), key=run_order, reverse=True)
 
 
+def has_signals(folder: Path) -> bool:
+    """Return whether a finished run has recorded something: one whose components could not be built has not."""
+    try:
+        return bool(json.loads((folder / SUMMARY).read_text(encoding="utf-8")).get("cases", True))
+    except (OSError, ValueError, AttributeError):  # a study, or a damaged file, which is reported when it is opened
+        return True
+
+
+def newest(runs: Iterable[Path]) -> Path:
+    """Return the newest of some runs that has signals; the newest one if none has."""
+    ordered = sorted(runs, key=run_order, reverse=True)
+    return next(filter(has_signals, ordered), ordered[0])
+
+
+def newer_note(folder: Path) -> str:
+    """Return a note on a newer run of the scenario that has no signals; "" without such a run."""
+    siblings = [other for other in folder.resolve().parent.iterdir() if is_finished_run(other)]
+    newer = max(siblings, key=run_order, default=folder)
+    if run_order(newer) <= run_order(folder.resolve()) or has_signals(newer):
+        return ""
+    return f"{newer.name} is newer, but failed before it recorded anything; this is {folder.resolve().name}."
+
+
 def resolve_latest(folder: Path, file: str = SUMMARY, root: Path = ROOT) -> Path:
-    """Return the folder of a run; `SCENARIO/latest` is the last finished one, `latest` that of all scenarios in `root`.
+    """Return the folder of a run; `SCENARIO/latest` is the last finished one with signals, `latest` that of all in `root`.
 
     TwinError if there is none.
     """
     if folder == Path(LATEST) and not folder.exists():
         if runs := finished_runs(root, file):
-            return runs[0]
+            return newest(runs)
         example = "Run a scenario first, such as `twin run heart_wall_force`."
         raise TwinError(
             f"{root}: holds no finished {'run' if file == SUMMARY else 'study'}. {example if file == SUMMARY else ''}".rstrip()
@@ -50,10 +78,10 @@ def resolve_latest(folder: Path, file: str = SUMMARY, root: Path = ROOT) -> Path
 
 
 def latest_run(parent: Path, file: str = SUMMARY) -> Path:
-    """Return the last finished run in the folder of a scenario, or study in that of a study."""
+    """Return the last finished run with signals in the folder of a scenario, or study in that of a study."""
     runs = [folder for folder in parent.iterdir() if is_finished_run(folder, file)] if parent.is_dir() else []
     if runs:
-        return max(runs, key=run_order)
+        return newest(runs)
     hint = suggest_folders(parent, file) if not parent.is_dir() else "Run the scenario first."
     raise TwinError(f"{parent}: holds no finished run. {hint}")
 
@@ -94,13 +122,13 @@ def has_results(folder: Path, file: str) -> bool:
 
 
 def link_latest(folder: Path) -> None:
-    """Let `latest` name this run, unless it names a later one; a file with the name where links cannot be made."""
+    """Let `latest` name this run, unless it names a later one or this one has no signals; a file where links cannot be made."""
     link = folder.parent / LATEST
     is_own_folder = link.is_dir() and not link.is_symlink()
     if (
         not STAMP.fullmatch(folder.name)
         or is_own_folder
-        or (link.exists() and run_order(linked(link)) > run_order(folder))
+        or (link.exists() and (run_order(linked(link)) > run_order(folder) or not has_signals(folder)))
     ):
         return
     temporary = folder.parent / f".{LATEST}.{os.getpid()}"

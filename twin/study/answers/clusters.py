@@ -10,7 +10,7 @@ import numpy as np
 from scipy import stats
 
 from twin.study.answers.sensitivity import distance_from_median
-from twin.study.answers.statistics import largest_p_value
+from twin.study.answers.statistics import largest_p_value, limit_excess
 from twin.study.design import SAMPLED
 from twin.study.execution.case_engine import DONE
 
@@ -46,7 +46,7 @@ class DiscriminatingFactor:
 
 @dataclass(frozen=True)
 class FailureCluster:
-    """Cases that fail in the same way. `cases`: their numbers; `example`: why the first one failed."""
+    """Cases that fail in the same way. `cases`: their numbers, the worst by its limit first; `example`: why that one failed."""
 
     variant: str
     what: str
@@ -77,6 +77,7 @@ def clusters(cases: CaseTable) -> list[FailureCluster]:
     groups = []
     for (variant, what), case_indices in indices_by_failure.items():
         own = cases.where(SAMPLED, variant)
+        case_indices.sort(key=lambda i: -worst_excess(cases, i))
         numbers = tuple(cases.requests[i].number for i in case_indices)
         factors = discriminating_factors(study, values, case_indices, own)
         groups.append(FailureCluster(variant, what, numbers, len(own), cases.rows[case_indices[0]].why, factors))
@@ -86,6 +87,12 @@ def clusters(cases: CaseTable) -> list[FailureCluster]:
         for group in groups
     )
     return sorted(named, key=lambda group: -len(group.cases))
+
+
+def worst_excess(cases: CaseTable, i: int) -> float:
+    """Return by how much a failed case is beyond the limit that it misses most, as a part of the limit; 0 without one."""
+    missed = (limit_excess(cases, i, k) for k, holds in enumerate(cases.holds[i]) if holds is False)
+    return max((entry.excess for entry in missed if entry), default=0.0)
 
 
 def discriminating_factors(

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 PAGE, ANSWERS = "report.html", "answers.json"
 CLICK = "Click it: what its case fails, and the command that opens the case"
 EXAMPLES = 12  # numbers of cases that are named
+MAX_SCATTERS = 3  # factors over which a metric is drawn
 TITLES = {
     "variants": "Variants",
     "shares": "Pass rates",
@@ -62,7 +63,8 @@ def write_report(outcome: StudyOutcome) -> None:
     if not outcome.cases.rows:
         return
     answers = Answers(outcome.cases)
-    summary = {**answers.plain(), **searched(outcome)}
+    sentences = [cleaned(vars(own)) for own in headline(answers, outcome.worst, outcome.tuned)]
+    summary = {"sentences": sentences, **answers.plain(), **searched(outcome)}
     write_text(outcome.folder / ANSWERS, json.dumps(summary, indent=1, allow_nan=False) + "\n")
     write_text(outcome.folder / PAGE, html(outcome, answers))
 
@@ -185,10 +187,10 @@ def pictures(outcome: StudyOutcome, answers: Answers) -> dict[str, list[Plot]]:
             metric = spread.metric
             variants = [item.variant for item in answers.spreads if item.metric == metric]
             for variant in variants:
-                k = strongest(answers, metric, variant)
-                note = f"a point is a case; red: something fails in it. {CLICK}"
-                svg = plots.scatter(cases, metric, variant, k, unit(metric))
-                add(metric, f"{variant}, over {study.factors[k].name}", note, svg)
+                for k in strongest(answers, metric, variant):
+                    note = f"a point is a case; red: something fails in it. {CLICK}"
+                    svg = plots.scatter(cases, metric, variant, k, unit(metric))
+                    add(metric, f"{variant}, over {study.factors[k].name}", note, svg)
             for variant in variants:
                 note = f"a line is a case, from its factors to the metric; red: something fails in it. {CLICK}"
                 add(
@@ -201,8 +203,8 @@ def pictures(outcome: StudyOutcome, answers: Answers) -> dict[str, list[Plot]]:
     return figures
 
 
-def strongest(answers: Answers, metric: str, variant: str) -> int:
-    """Return the number of the factor that drives a metric most, the first one if that is not known."""
+def strongest(answers: Answers, metric: str, variant: str) -> list[int]:
+    """Return the numbers of the factors that drive a metric most, the strongest first; the first ones if that is not known."""
     effects = {
         effect.factor: abs(effect.total if driver.kind == "sobol" else effect.first)
         for driver in answers.drivers
@@ -210,7 +212,7 @@ def strongest(answers: Answers, metric: str, variant: str) -> int:
         for effect in driver.effects
     }
     sizes = np.nan_to_num([effects.get(factor.name, 0.0) for factor in answers.study.factors])
-    return int(np.argmax(sizes))
+    return [int(k) for k in np.argsort(-sizes, kind="stable")[:MAX_SCATTERS]]
 
 
 def first_of(answers: Answers) -> list[Any]:

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from twin.results import common_format, list_names
 from twin.study.answers.paired import INDEPENDENT_SAMPLES, MIN_SAMPLES
-from twin.study.answers.statistics import FAMILY_LEVEL, expectation_name, largest_p_value
-from twin.study.answers.summary import percent
-from twin.study.design import SAMPLED
+from twin.study.answers.statistics import FAMILY_LEVEL, expectation_name, largest_p_value, worst_of_rate
+from twin.study.answers.summary import MAX_SENTENCES, percent
 
 if TYPE_CHECKING:
     from twin.study.answers.paired import PairedDifference
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
     from twin.study.execution.tuning import Tuned
     from twin.study.execution.worst_case_search import WorstCase
 
-MAX_SENTENCES = 3  # of a kind
 MAX_FACTORS = 2  # named as causes of a metric
 MAX_MEANING = 80  # letters of a metric's description that fits into a sentence
 MAX_INDEX = 1.1  # total Sobol index that errors of enough samples can still give
@@ -86,13 +84,13 @@ def pass_sentences(answers: Answers) -> list[Sentence]:
         worst = worst_case(answers, rate)
         if worst and worst.number in rate.failing:
             sentences.append(Sentence(f"{text}; the worst is case {worst.number}, {worst.text}.", worst.number))
-        else:  # an order of variants, a limit on a signal, or only cases that did not finish
+        else:  # an order of variants, or only cases that did not finish
             sentences.append(Sentence(f"{text}; one that fails is case {rate.failing[0]}.", rate.failing[0]))
     return sentences
 
 
 class WorstInLimit(NamedTuple):
-    """The case of a variant nearest to the limit of a metric, or farthest beyond it; `excess`: part of the limit."""
+    """The case of a variant nearest to a limit, or farthest beyond it; `excess`: part of the limit."""
 
     excess: float
     number: int
@@ -100,37 +98,24 @@ class WorstInLimit(NamedTuple):
 
 
 def worst_case(answers: Answers, rate: PassRate) -> WorstInLimit | None:
-    """Return the worst case of an expectation on a metric with a limit; None for other expectations."""
-    cases = answers.cases
+    """Return the worst case of an expectation with a limit; None for other expectations."""
     expectations = enumerate(answers.study.scenario.expectations)
     own = next(each for k, each in expectations if expectation_name(each, k) == rate.name)
-    if own.metric not in answers.formats or own.ordered or (own.at_most is None and own.at_least is None):
+    if (worst := worst_of_rate(answers.cases, rate)) is None:
         return None
-    values = cases.metric(own.metric)
-    limits = [(own.at_most, 1.0, "at most"), (own.at_least, -1.0, "at least")]
-    excesses = [
-        (
-            sign * (values[i] - limit) / (abs(limit) or 1.0),
-            cases.requests[i].number,
-            values[i],
-            f"{word} {answers.metric(own.metric, limit)}",
-        )
-        for i in cases.where(SAMPLED, rate.variant)
-        for limit, sign, word in limits
-        if limit is not None and math.isfinite(values[i])
-    ]
-    if not excesses:
-        return None
-    excess, number, value, limit_text = max(excesses)
-    return WorstInLimit(
-        excess, number, f"where {own.metric} is {answers.metric(own.metric, value)}, expected {limit_text}"
+    what = own.metric or (own.signal.text if own.signal else "")
+    value, limit = (
+        answers.metric(what, number) if what in answers.formats else own.shown(number)
+        for number in (worst.value, worst.limit)
     )
+    text = f"where {what} is {value}, expected {worst.word} {limit}"
+    return WorstInLimit(worst.excess, worst.number, text)
 
 
 def few_sentences(answers: Answers) -> list[Sentence]:
     """Return that a random design has too few samples for any statement beyond them."""
     study = answers.study
-    count = study.keys.samples.count if study.design.method == "sensitivity" else len(study.design.values)
+    count = study.keys.samples.count if study.design.method == "sensitivity" else answers.sample_count
     if study.design.method not in (*INDEPENDENT_SAMPLES, "sensitivity") or count >= MIN_SAMPLES:
         return []
     samples = "1 sample supports" if count == 1 else f"{count} samples support"
@@ -242,8 +227,9 @@ def cause_sentences(answers: Answers) -> list[Sentence]:
         elif (driver.metric, driver.variant) in missed and driver.variant not in separated:
             unexplained.append(sentence(f"{what} fails in some cases; no factor's effect on it differs from chance."))
     if not sentences:
-        count = len(answers.study.design.values)
-        return [Sentence(f"No effect of a factor on a judged metric differs from chance in {count} samples.")]
+        return [
+            Sentence(f"No effect of a factor on a judged metric differs from chance in {answers.sample_count} samples.")
+        ]
     return [*unexplained[:1], *sentences[: MAX_SENTENCES - len(unexplained[:1])], *unsure_sentences(answers, tested)]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -206,6 +206,42 @@ def cut_entry(
 def expectation_name(expectation: Expectation, index: int) -> str:
     """Return the name of an expectation; without one, its metric or signal and its number."""
     return expectation.name or f"{expectation.metric or getattr(expectation.signal, 'text', '')} {index + 1}"
+
+
+class LimitExcess(NamedTuple):
+    """By how much a case is beyond a limit of an expectation, as a part of the limit; below zero: within it."""
+
+    excess: float
+    number: int
+    value: float
+    limit: float
+    word: str
+
+
+def limit_excess(cases: CaseTable, i: int, k: int) -> LimitExcess | None:
+    """Return the value of row i that is farthest beyond a limit of expectation k, or nearest to it; None without either."""
+    expectation, row = cases.study.scenario.expectations[k], cases.rows[i]
+    if expectation.ordered:
+        return None
+    values: Sequence[float] = row.extremes[k] or () if row.extremes else ()
+    if expectation.metric:
+        values = [cases.metric(expectation.metric)[i]]
+    limits = [(expectation.at_most, 1.0, "at most"), (expectation.at_least, -1.0, "at least")]
+    excesses = [
+        LimitExcess(sign * (value - limit) / (abs(limit) or 1.0), cases.requests[i].number, value, limit, word)
+        for value in values
+        for limit, sign, word in limits
+        if limit is not None and np.isfinite(value)
+    ]
+    return max(excesses, default=None)
+
+
+def worst_of_rate(cases: CaseTable, rate: PassRate) -> LimitExcess | None:
+    """Return the case of a pass rate's variant that is farthest beyond a limit of its expectation, or nearest to it."""
+    expectations = enumerate(cases.study.scenario.expectations)
+    k = next(k for k, each in expectations if expectation_name(each, k) == rate.name)
+    own = (limit_excess(cases, i, k) for i in cases.where(SAMPLED, rate.variant))
+    return max(filter(None, own), default=None)
 
 
 def in_order(cases: CaseTable, expectation: Expectation) -> tuple[int, tuple[int, ...], int]:

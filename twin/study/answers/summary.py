@@ -11,6 +11,7 @@ import numpy as np
 from twin.results import common_format, display_units
 from twin.study.answers import clusters as failing
 from twin.study.answers import paired, sensitivity, statistics
+from twin.study.design import SAMPLED
 
 if TYPE_CHECKING:
     from twin.study.answers.clusters import FailureCluster
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from twin.study.answers.statistics import LeftOut, MetricDistribution, PassRate
     from twin.study.design import KeepKeys
     from twin.study.execution.case_table import CaseTable
+
+MAX_SENTENCES = 3  # of a kind
 
 
 class Answers:
@@ -44,6 +47,11 @@ class Answers:
     def failed(self) -> int:
         """Cases that did not come to their end."""
         return statistics.failures(self.cases)
+
+    @property
+    def sample_count(self) -> int:
+        """Samples of which a case is done: after an interruption fewer than the study has."""
+        return len({self.cases.requests[i].sample for i in self.cases.where(SAMPLED)})
 
     def metric(self, name: str, value: float) -> str:
         """A value of a metric [SI] in its unit, with the decimals that all values of the metric have."""
@@ -129,9 +137,15 @@ def percent(part: float) -> str:
 
 
 def noteworthy(cases: CaseTable, keep: KeepKeys) -> list[int]:
-    """Numbers of the cases of which the study keeps everything: some that fail, and the worst of each metric and variant."""
+    """Numbers of the cases of which the study keeps everything: the worst that fail, and the worst of each metric and variant.
+
+    Of failures: the worst case of each of the lowest pass rates, which sentences name, and of each kind of failure.
+    """
     numbers: list[int] = []
     if keep.failed:
+        missed = sorted((rate for rate in statistics.shares(cases) if rate.part < 1.0), key=lambda rate: rate.part)
+        worst = [(rate, statistics.worst_of_rate(cases, rate)) for rate in missed[:MAX_SENTENCES]]
+        numbers += [entry.number for rate, entry in worst if entry and entry.number in rate.failing]
         for cluster in failing.clusters(cases):
             numbers += cluster.cases[: keep.failed]
     for metric, _, own in cases.by_metric() if keep.worst else ():

@@ -103,23 +103,21 @@ class Distribution:
         return np.asarray(np.clip(quantiles, self.low, self.high))
 
 
-def wrong_numbers(kind: str, numbers: list[float], low: float, high: float) -> str:
-    """What is wrong with the numbers of a distribution."""
+def wrong_numbers(kind: str, numbers: list[float], low: float, high: float, texts: Sequence[object]) -> str:
+    """What is wrong with the numbers of a distribution. `texts`: as the file states them, the numbers, then `low` and `high`."""
     if kind == "values":
         return "" if numbers else "has no values. Give some."
-    first, second = numbers
+    (first, second), (first_text, second_text, low_text, high_text) = numbers, texts
     if kind in ("uniform", "log_uniform") and not first < second:
-        return f"{kind} from {first:g} to {second:g} is empty. Swap them."
+        return f"{kind} from {first_text} to {second_text} is empty. Swap them."
     if kind == "log_uniform" and first <= 0:
-        return f"{kind} begins at {first:g}, which has no logarithm. Begin above zero."
+        return f"{kind} begins at {first_text}, which has no logarithm. Begin above zero."
     if kind == "normal" and second <= 0:
-        return f"standard deviation {second:g} is not above zero. Correct it."
+        return f"standard deviation {second_text} is not above zero. Correct it."
     if kind == "log_normal" and (first <= 0 or second <= 1):
-        return (
-            f"log_normal needs a median above 0 and a geometric standard deviation above 1, not {first:g}, {second:g}."
-        )
+        return f"log_normal needs a median above 0 and a geometric standard deviation above 1, not {first_text}, {second_text}."
     if not low < high:
-        return f"from {low:g} is not below to {high:g}. Swap them."
+        return f"from {low_text} is not below to {high_text}. Swap them."
     start, end = Distribution(kind, (first, second), low, high).span
     return "" if end - start > 1e-9 else "nothing of the distribution is between `from` and `to`. Widen them."
 

@@ -2,6 +2,8 @@ from .case_engine import Engine as Engine
 from .case_engine import Job as Job
 from .progress import StudyProgress as StudyProgress
 from .progress import TimeEstimate as TimeEstimate
+from .progress import duration_text as duration_text
+from .progress import progress_text as progress_text
 from .stored_case import repeat as repeat
 from .stored_case import resolve_case as resolve_case
 from .stored_case import single as single

@@ -29,7 +29,7 @@ from twin.coupling import (
     serialization_problems,
 )
 from twin.errors import SimulationError, TwinError
-from twin.results import Expression, Signals, evaluate, expression, list_names
+from twin.results import Expectation, Expression, Signals, evaluate, expression, list_names
 from twin.run import apply_analyses, build_simulation, noop, recorded_signals, resolve_catalogs, run_case
 from twin.scenario import Backend, Case, RecordSpec, ScenarioSpec, load_scenario
 from twin.study.design import CommonPrefixes, Factor, StudyRequest, VariantInputs, is_cut
@@ -57,6 +57,7 @@ class Job:
 class Row:
     """What came out of a case. `metrics`: SI, None without a value; `holds`: of each expectation, None if it does not apply.
 
+    `extremes`: smallest and largest sample of the signal of each expectation that has one, SI; None of any other.
     `bands`: samples of signals, Float32 in base64. `seconds` and `process` are the only ones that another run will not repeat.
     """
 
@@ -68,6 +69,7 @@ class Row:
     seconds: float = 0.0
     bands: tuple[str, ...] = ()
     tries: int = 1
+    extremes: tuple[Sequence[float] | None, ...] = ()
 
 
 class Engine:
@@ -138,9 +140,9 @@ class Engine:
                 why = f"{outcome.name}: {outcome.detail}"
         why = " ".join(filter(None, [why, *self.missing_values(request.variant, values)]))
         bands = tuple(self.sampled(band, recorded) for band in self.bands)
-        return Row(
-            request.number, status, why, tuple(values.get(metric) for metric in metrics), tuple(verdicts), bands=bands
-        )
+        extremes = tuple(extreme_samples(recorded, expectation) for expectation in expectations)
+        metric_values = tuple(values.get(metric) for metric in metrics)
+        return Row(request.number, status, why, metric_values, tuple(verdicts), bands=bands, extremes=extremes)
 
     def missing_values(self, variant: str, values: Mapping[str, float | None]) -> list[str]:
         """Sentences on the metrics of a variant that have no value."""
@@ -167,6 +169,15 @@ class Engine:
         for cell in self._cells.values():
             cell.close()
         self._cells.clear()
+
+
+def extreme_samples(recorded: Signals, expectation: Expectation) -> tuple[float, float] | None:
+    """Return the smallest and the largest sample of an expectation's signal in its window; None without finite ones."""
+    if expectation.signal is None or not recorded.has(expectation.signal):
+        return None
+    parts = [values for _, values in recorded.evaluate_parts(expectation.signal, expectation.window) if len(values)]
+    ends = [float(end([end(part) for part in parts])) for end in (np.min, np.max)] if parts else [np.nan]
+    return (ends[0], ends[-1]) if np.isfinite(ends).all() else None
 
 
 @dataclass(frozen=True)

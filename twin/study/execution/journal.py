@@ -12,7 +12,7 @@ from twin.errors import ScenarioError
 from twin.study.execution.case_engine import Row
 
 NAME = "cases.jsonl"
-LISTS = ("metrics", "holds", "bands")
+LISTS = ("metrics", "holds", "bands", "extremes")
 
 
 class StudyJournal:

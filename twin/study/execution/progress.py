@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from dataclasses import dataclass
@@ -18,13 +19,14 @@ if TYPE_CHECKING:
 
 LATEST = 50  # cases by which the rate is measured: earlier ones include the start of processes, or are of another part
 LEAST = 3  # cases before a rate is given
+SEARCHES = {"worst": "worst-case search: ", "tune": "tuning: ", "unseen": "tuning, unseen samples: "}  # by their part
 
 
 @dataclass(frozen=True)
 class StudyProgress:
-    """How far a study is: cases done and in all, those that failed, cases per second, seconds left, the report so far.
+    """How far a study is: cases done and in all, cases per second, seconds left, the report so far.
 
-    `rate` and `left` are NaN until enough cases are done.
+    `failed`: cases that did not finish, `missed`: others that miss a requirement. `rate` and `left` are NaN until enough cases are done.
     """
 
     part: str
@@ -34,6 +36,7 @@ class StudyProgress:
     rate: float
     left: float
     report: Path | None = None
+    missed: int = 0
 
 
 class ProgressReporter:
@@ -43,14 +46,16 @@ class ProgressReporter:
         self.journal, self.count, self.listen = journal, count, listen
         self.part = SAMPLED
         self.report: Path | None = None
-        self.failed = sum(row.status != DONE for row in journal.rows.values())
+        self.failed = self.missed = 0
+        for row in journal.rows.values():
+            self._count(row)
         self._times: deque[float] = deque(maxlen=LATEST)
         self._first = float("inf")
 
     def take(self, row: Row) -> None:
         """One more row."""
         self._times.append(time.perf_counter())
-        self.failed += row.status != DONE
+        self._count(row)
         self._first = min(self._first, self._times[-1])
         done, span = len(self.journal.rows), self._times[-1] - self._times[0]
         # the first cases of all processes come at once: their rate says nothing before another one could be done
@@ -58,11 +63,35 @@ class ProgressReporter:
         rate = (len(self._times) - 1) / span if is_steady else float("nan")
         left = max(self.count - done, 0) / rate
         try:
-            self.listen(StudyProgress(self.part, done, self.count, self.failed, rate, left, self.report))
+            self.listen(
+                StudyProgress(self.part, done, self.count, self.failed, rate, left, self.report, missed=self.missed)
+            )
         except BrokenPipeError:
             raise
         except OSError:  # a terminal that is closed, or a full disk: the cases are what counts
             pass
+
+    def _count(self, row: Row) -> None:
+        is_lost = row.status != DONE
+        self.failed += is_lost
+        self.missed += not is_lost and False in row.holds
+
+
+def progress_text(progress: StudyProgress) -> str:
+    """Return `713 of 4000 cases, 6 min left; failures so far: 14 (2 did not finish)`, with the name of a search before it."""
+    text = f"{SEARCHES.get(progress.part.partition(' ')[0], '')}{progress.done} of {progress.count} cases"
+    if progress.done < progress.count and math.isfinite(progress.left):
+        text += f", {duration_text(progress.left)} left"
+    text += f"; failures so far: {progress.missed + progress.failed}"
+    text += f" ({progress.failed} did not finish)" * bool(progress.failed)
+    return text + "; tables and report follow" * (progress.done >= progress.count)
+
+
+def duration_text(seconds: float) -> str:
+    """Return `89 s`, `12 min` or `2.5 h`."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 @dataclass(frozen=True)
