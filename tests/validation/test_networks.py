@@ -246,7 +246,9 @@ def test_memory_and_penalty_are_chosen_by_the_middle_third(regressors, monkeypat
     assert last == (BEST[name], list(range(1, 10)))
     assert all(trained_rows == [1, 2, 3, 7, 8, 9] for _, trained_rows in tried)
     memories = [(lags, stride) for lags in (1, 2, 4) for stride in (1, 3)] if name == "narx" else [(0, 1)]
-    assert [choice for choice, _ in tried] == [(*memory, penalty) for memory in memories for penalty in (1e-3, 0.1, 10.0)]
+    assert [choice for choice, _ in tried] == [
+        (*memory, penalty) for memory in memories for penalty in (1e-3, 0.1, 10.0)
+    ]
 
 
 def test_without_scikit_learn(monkeypatch):

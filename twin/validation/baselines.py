@@ -31,7 +31,11 @@ if TYPE_CHECKING:
 
 PLAYS = 8  # play operators per input
 RIDGE = 1e-9  # Tikhonov regularization relative to the features' squares: inputs may be collinear
-LAGS = {"narx": (1, 2, 4), "network": (0,), "play_network": (0,)}  # numbers of earlier outputs and inputs that are tried
+LAGS = {
+    "narx": (1, 2, 4),
+    "network": (0,),
+    "play_network": (0,),
+}  # numbers of earlier outputs and inputs that are tried
 HIDDEN = 12  # neurons
 INTERVALS = (0.02, 0.1, 0.3, 0.6)  # between predictions, that are tried [s]
 PREDICTIONS = 10  # in the shortest window at least
