@@ -247,6 +247,7 @@ function drawnBy(one, cases) {
   const several = one.items.length > 1, labels = plotOf(one)?.labels || [], found = [];
   const groups = (minus) => {
     const all = groupsOf(cases, state.band && (minus === null || letter(minus)));
+    all.sort((a, b) => variantNumbers.of.get(a.variant) - variantNumbers.of.get(b.variant)); // the same variant of several runs in turn
     return one.kind === "time" ? all : all.map((group) => ({ ...group, cases: group.cases.slice(0, 1) })); // loops and spectra have no mean over seeds
   };
   const parts = [...new Set(cases.map((k) => JSON.stringify([about.cases[k].run, about.cases[k].variant])))];

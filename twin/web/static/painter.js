@@ -70,7 +70,8 @@ function drawPane(chart, context, pane, box) {
   context.save();
   clip(chart, context, box);
   context.lineJoin = "round";
-  pane.curves.forEach((curve, k) => {
+  const order = [...pane.curves.entries()].sort(([, a], [, b]) => (b.width ?? 0) - (a.width ?? 0)); // wide ones below
+  for (const [k, curve] of order) {
     const part = chart.dimmed.has(curve.name) ? DIMMED : curve.opacity ?? 1;
     context.strokeStyle = context.fillStyle = chart.colors.lines[curve.color % 8];
     context.globalAlpha = AREA * part;
@@ -82,7 +83,7 @@ function drawPane(chart, context, pane, box) {
     context.lineWidth = curve.width ?? 1.4;
     stroke(context, shown[k], box, curve.step);
     context.setLineDash([]);
-  });
+  }
   context.globalAlpha = 1; context.lineWidth = 1.4;
   context.setLineDash([4, 3]);
   for (const one of pane.limits || []) {
