@@ -2,7 +2,7 @@
 
 const digits = (value) => (value === null || value === undefined ? "–" : String(+value.toPrecision(6)));
 const STATISTICS = [["mean", "mean"], ["std", "std"], ["rms", "RMS"], ["low", "min"], ["high", "max"], ["peak_to_peak", "peak to peak"]];
-const SHORT = 150; // shortest time between requests of values [ms]
+const SHORT = 150, PAIRED = 2e6; // shortest time between requests of values [ms]; samples of a case from which on it is not compared with that of run A
 
 // request values for what is shown now, again if it changes meanwhile
 async function tabulate() {
@@ -27,16 +27,16 @@ async function summarize() {
   if (!find("values").open && about.runs.length < 2) return;
   const lines = [...curves.values()].filter((line) => line.spec.kind === "time" && !chart.dimmed.has(line.name)), window = summarized();
   const times = [...state.cursors, ...(state.time === null ? [] : [state.time])], own = (line, list) => list.map((time) => time - offset(line.spec.case));
-  const pairs = about.runs.length < 2 ? [] : lines.flatMap((line, k) => { const found = line.item.minus === null && curveOf({ kind: "time" }, { ...line.item, minus: about.runs[0].letter }, line); return found ? [[k, found.spec]] : []; });
-  const specs = [...lines.map((line) => [line, line.spec]), ...pairs.map(([k, spec]) => [lines[k], spec])].map(([line, spec]) => ({ ...spec, window: own(line, window) }));
+  const pairs = about.runs.length < 2 ? [] : lines.flatMap((line, k) => { const found = line.item.minus === null && about.cases[line.spec.case].samples < PAIRED && curveOf({ kind: "time" }, { ...line.item, minus: about.runs[0].letter }, line); return found ? [[k, found]] : []; });
+  const specs = [...lines.map((line) => [line, line.spec]), ...pairs.map(([k, { spec }]) => [lines[k], spec])].map(([line, spec]) => ({ ...spec, window: own(line, window) }));
   const key = JSON.stringify([specs, lines.map((line) => about.cases[line.spec.case].samples)]); // statistics do not depend on the time cursor
   const statistics = key === summarize.key ? summarize.statistics : await statisticsOf(specs);
   Object.assign(summarize, { key, statistics });
   distances.clear();
-  pairs.forEach(([k], p) => {
-    const { count, low, high } = statistics[lines.length + p], far = Math.max(Math.abs(low), Math.abs(high));
-    const where = groupsOf(about.cases.keys(), true).some(({ run, variant, cases }) => !run && variant === about.cases[lines[k].spec.case].variant && cases.length === lines[k].cases.length) ? "" : ` in ${lines[k].cases.length} seed${lines[k].cases.length > 1 ? "s" : ""}`;
-    if (count) distances.set(lines[k].name, `(${far === 0 && count === statistics[k].count ? "equal to A" : `A ± ${number(far, 0)} ${lines[k].pane.unit}`}${where})`);
+  pairs.forEach(([k, { cases: { length: common } }], p) => {
+    const { count, low, high } = statistics[lines.length + p], far = Math.max(Math.abs(low), Math.abs(high)), { spec, cases, name, pane: { unit } } = lines[k];
+    const all = about.cases.filter(({ run, variant }) => !run && variant === about.cases[spec.case].variant).length, isPart = common < Math.max(all, cases.length);
+    if (count) distances.set(name, `(${far === 0 && (isPart || count === statistics[k].count) ? "equal to A" : `A ± ${number(far, 0)} ${unit}`}${isPart ? ` in ${common} seed${common > 1 ? "s" : ""}` : ""})`);
   });
   chart.redraw(false);
   if (!find("values").open) return;
