@@ -5,7 +5,7 @@ import { number, readable, readableTime } from "./scale.js";
 
 const KEYS = { ArrowLeft: [-0.2, -0.2], ArrowRight: [0.2, 0.2], "+": [0.2, -0.2], "-": [-0.33, 0.33] }; // by how much of the window its ends move
 const AGAIN = 1000; // polling period of a run in progress [ms]
-const MIDDLE = 1180, NARROW = 760, LOW = 720; // largest widths of pages with two columns and with one, as in view.css; height of a page without scene and table at first [px]
+const MIDDLE = 1180, NARROW = 760, LOW = 700; // largest widths of pages with two columns and with one, as in view.css; height of a page without scene and table at first [px]
 const hint = find("message").textContent;
 let chart, shown = [], curves = new Map();
 const distances = new Map(); // of curves of other runs from the same of run A, as texts
