@@ -104,6 +104,7 @@ def test_plots_begin_in_their_window_with_their_variants(browser, tmp_path):
   - {title: Late, signals: [heart.position], unit: mm, from: 0.5 s, to: 1.5 s, variants: [fast]}
   - {title: Later, signals: [heart.velocity], unit: mm/s, from: 1 s, to: 5 s}
   - {title: First, signals: [heart.velocity], unit: mm/s, to: 0.25 s}
+  - {title: Split, signals: [heart.position, heart.position * 2], unit: mm, per: variant}
 """
     text = BEATS.replace("at_most: 4 mm", "at_most: 40 mm").partition("plots:")[0] + f"plots:{plots}"
     with viewed(beats(tmp_path, text)) as address:
@@ -119,6 +120,11 @@ def test_plots_begin_in_their_window_with_their_variants(browser, tmp_path):
         assert page.state["window"] == [0, 0.25]
         page.page.locator("#all").click()
         assert page.state["window"] is None
+        page.page.set_viewport_size({"width": 1280, "height": 740})
+        page.page.get_by_role("button", name="Split").click()
+        page.drawn()
+        first, stage = (page.page.locator(name).bounding_box() for name in (".twin-legend >> nth=3", "#stage"))
+        assert abs(first["y"] - stage["y"]) < 20  # of its two panes the first begins at the top
         assert page.wrong == []
         context.close()
 
@@ -214,7 +220,20 @@ def test_two_runs_begin_with_the_same_cases_and_equal_ones_say_so(browser, tmp_p
         context = browser.new_context(viewport={"width": 1280, "height": 900})
         page = Page(context, address)
         (pane,) = page.curves()
-        assert [one["label"] for one in pane["curves"]] == [f"{run}: PI {k}" for run in "AB" for k in (1, 2, 3)]
+        assert [one["label"] for one in pane["curves"]] == [f"{run}: PI {k}" for k in (1, 2, 3) for run in "AB"]
+        names = page.page.locator(".twin-chip-name")
+        page.page.locator(".twin-chip", has_text="equal to A").first.wait_for()
+        assert [text.strip() for text in names.all_inner_texts()] == [
+            f"{run}: PI {k}" + (run == "B") * (" (A ± 10 N)" if k == 2 else " (equal to A)")
+            for k in (1, 2, 3)
+            for run in "AB"
+        ]
+        assert [text.split() for text in page.page.locator("#runs > span").all_inner_texts()] == [
+            ["A", "a", "a"],
+            ["B", "b", "b"],
+        ]  # names and folders
+        widths = [line.evaluate("one => one.style.strokeWidth") for line in names.locator("line").all()]
+        assert widths == ["5", ""] * 3  # the first run is a wide line behind the second
         page.page.locator("#chart .menu summary").first.click()
         page.page.get_by_label("difference from").first.select_option("run A, case by case")
         page.drawn()
@@ -253,7 +272,7 @@ def test_a_variant_keeps_its_color(open_page):
     page.drawn()
     seeds, slow = page.page.evaluate(COLORS)
     assert {color for color, *_ in seeds.values()} == {1}
-    assert [slow[f"A: slow, seed {seed}"] for seed in (1, 2)] == [[0, 1, ""], [0, 0.7, ""]]
+    assert [slow[f"A: slow, seed {seed}"] for seed in (1, 2)] == [[0, 0.45, ""], [0, pytest.approx(0.315), ""]]
     swatches = page.page.locator("#values tr:has-text('slow') .twin-swatch line")
     swatches.nth(1).wait_for(state="attached")
     assert {swatches.nth(k).evaluate("one => one.style.stroke") for k in range(2)} == {"var(--line-0)"}
@@ -288,11 +307,12 @@ def test_a_wrong_expression_is_marked_and_adds_no_pane(open_page):
     wrong.wait_for(state="detached")
 
 
-def test_what_was_not_judged_is_not_counted(browser, folders, tmp_path):
+def test_what_was_not_judged_is_not_counted_and_many_varied_values_are_folded(browser, folders, tmp_path):
     folder = shutil.copytree(folders[0], tmp_path / "other")
     summary = json.loads((folder / "summary.json").read_text())
     summary["metrics"]["mean_speed"]["variants"]["slow"]["verdict"] = "other"
     summary["expectations"][1]["verdict"] = "skipped"
+    summary["overrides"] = [f"heart.scale[{k}]=0.123456789012345" for k in range(4)]
     (folder / "summary.json").write_text(json.dumps(summary))
     with viewed(folder) as address:
         context = browser.new_context(viewport={"width": 1400, "height": 900})
@@ -300,6 +320,10 @@ def test_what_was_not_judged_is_not_counted(browser, folders, tmp_path):
         assert page.locator("#metrics summary").inner_text() == "Metrics: 1 compared, settings differ from the paper's"
         assert page.locator("#metrics th").all_inner_texts() == ["", "twin", "paper", ""]
         assert page.locator("#expectations summary").inner_text() == "Requirements: 1 of 1 failed, 1 not judged"
+        varied = page.locator("#cases .run details")
+        assert varied.inner_text() == "4 changed values"
+        varied.locator("summary").click()
+        assert "heart.scale[3]=0.123457" in varied.inner_text()
         context.close()
 
 

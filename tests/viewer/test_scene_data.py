@@ -44,6 +44,7 @@ def test_letters_of_a_scene_are_legible(browser, tmp_path, height):
         context = browser.new_context(viewport={"width": 1400, "height": height})
         page = Page(context, address).page
         page.locator("#picture text").first.wait_for(state="attached")
+        page.evaluate("document.getElementById('scene').open = true")  # folded in a low window
         page.wait_for_timeout(300)
         heights = page.locator("#picture text").evaluate_all(
             "(texts) => texts.filter((one) => one.textContent).map((one) => one.getBoundingClientRect().height)"

@@ -73,7 +73,8 @@ def served_page(
     """Return the page that requests samples from a server; initially with these signals and cases. `study`: linked cases."""
     content = about(runs) | {"study": study.plain() if study else None}
     content |= {"title": title(content), "embedded": None, "shown": list(cases), "shown_signals": list(signals)}
-    return html(content, note=description(content), reports=report_links(runs, study))
+    case = f"case {study.current} of {study.name}; " if study else ""
+    return html(content, note=case + description(content), reports=report_links(runs, study))
 
 
 def report_links(runs: RunCollection, study: StudyCases | None) -> dict[str, str]:

@@ -3,9 +3,12 @@
 function element(tag, text, more = {}) { return Object.assign(document.createElement(tag), { textContent: text, ...more }); }
 function button(text, onclick, more = {}) { return element("button", text, { type: "button", onclick, ...more }); }
 
-const MOST = 50; // variants in which an expression is tried
+const MOST = 50, MANY = 3; // variants in which an expression is tried; overridden values that are shown at once
 
 // ---- changes of the state
+
+// scroll to a pane, of a split one to the first
+const reveal = (place) => chart.legends.children[shown.findIndex((one) => one.place === place)]?.scrollIntoView({ block: "start" });
 
 function add(name, place) {
   const unit = unitOf(name), fits = (one) => one.kind === "time" && (one.items.length === 0 || (unit !== undefined && unitOf(one.items[0].signal) === unit));
@@ -13,8 +16,8 @@ function add(name, place) {
   if (wanted && wanted.kind === "xy" && place !== undefined && wanted.items.length === 0) wanted.items.push({ signal: name, minus: null });
   else {
     const found = wanted && fits(wanted) ? wanted : place === undefined ? state.panes.findLast(fits) : undefined;
-    if (!found) state.panes.splice(place === undefined || place < 0 ? state.panes.length : place + 1, 0, pane([name]));
-    else if (!found.items.some((item) => item.signal === name && item.minus === null)) found.items.push({ signal: name, minus: null });
+    if (!found) { after(place === undefined || place < 0 ? state.panes.length - 1 : place, pane([name])); return; }
+    if (!found.items.some((item) => item.signal === name && item.minus === null)) found.items.push({ signal: name, minus: null });
   }
   show();
 }
@@ -31,7 +34,7 @@ function toggle(name) {
   if (index < 0) add(name); else away(index, { signal: name, minus: null });
 }
 
-function after(index, made) { state.panes.splice(index + 1, 0, { facet: "", weights: [], ...made }); show(); }
+function after(index, made) { state.panes.splice(index + 1, 0, { facet: "", weights: [], ...made }); show(); reveal(index + 1); }
 
 // ---- signals and expressions that cannot be drawn
 
@@ -149,19 +152,28 @@ function ticked() {
   for (const one of find("tree").querySelectorAll(".leaf")) one.setAttribute("aria-pressed", shown.has(one.dataset.name));
 }
 
+function folded(title, text) {
+  const found = element("details", "", { className: "twin-soft" });
+  found.append(element("summary", title), element("pre", text));
+  return found;
+}
+
+// letter and line of a run among several, its name, folder and overridden values
+const nameOf = (run, r = about.runs.indexOf(run)) => [...(about.runs.length > 1 ? [element("b", `${run.letter} `), swatch({ color: 7, ...lineOf(r) }), " "] : []), `${run.name} `, element("span", [run.folder, ...(run.overrides.length > MANY ? [] : run.overrides)].join(", "), { className: "twin-soft" }), ...(run.overrides.length > MANY ? [folded(`${run.overrides.length} changed values`, run.overrides.join("\n").replace(/-?\d+\.\d{6,}(e-\d+)?/g, (value) => digits(+value)))] : [])];
+
 function cases() {
   const all = about.embedded ? about.shown : about.cases.map((_, k) => k);
   find("chosen").textContent = `${state.cases.length} of ${all.length} shown`;
   find("some").hidden = state.cases.length >= all.length;
   find("some").title = `At first up to ${GROUPS} curves a signal are shown, so that they can be told apart`;
   find("some").onclick = () => { state.cases = all; show(); };
-  const list = find("cases").querySelector("div"), seeds = groupsOf(about.cases.map((_, k) => k), true).some((group) => group.cases.length > 1);
+  const list = find("cases").querySelector("div"), seeds = groupsOf(all, true).some((group) => group.cases.length > 1);
   find("together").hidden = !seeds;
   find("band").checked = state.band;
   const scrolled = [...list.querySelectorAll(".grid")].map((one) => one.scrollTop);
   list.replaceChildren(...about.runs.flatMap((run, r) => {
     const heading = element("div", "", { className: "run" }), grid = element("div", "", { className: "grid" }), table = element("table", "");
-    heading.append(element("b", about.runs.length > 1 ? `${run.letter}  ` : ""), `${run.name} `, element("span", [run.folder, ...run.overrides].join(", "), { className: "twin-soft" }));
+    heading.append(...nameOf(run));
     if (about.runs.length > 1) {
       const input = element("input", "", { size: 6, value: state.offsets[r], inputMode: "decimal", title: "by how much the run is moved in time, to align it with others" });
       input.onchange = () => { if (Number.isFinite(+input.value)) { state.offsets[r] = +input.value; show(); } };
@@ -211,11 +223,9 @@ function plots() {
     const own = windowOfPlots([plot], state.cases), [from, to] = windowOf();
     if (own && (own[0] >= to || own[1] <= from)) state.window = own; // nothing of it would be seen
     show();
-    reveal();
+    reveal(state.panes.length - 1);
   })));
 }
-
-const reveal = () => find("drawing").scrollIntoView({ block: "end" }); // the last pane
 
 // ---- new plots
 
@@ -230,18 +240,18 @@ find("new").onsubmit = async (event) => {
     const reason = await refusal(...wanted);
     if (reason) { refuse(find(id === "x" ? "signal" : "x"), ""); refuse(find(id), reason); return; }
   }
-  state.panes.push(pane([signal], kind === "xy" ? { kind, x } : { kind }));
   find("signal").value = find("x").value = "";
-  show();
-  reveal();
+  after(state.panes.length - 1, pane([signal], kind === "xy" ? { kind, x } : { kind }));
 };
 for (const id of ["signal", "x"]) completes(find(id));
-if (about.embedded) find("new").hidden = true;
-find("expectations").open = about.expectations.some((one) => one.verdict !== "pass") || !about.metrics.length;
+if (about.embedded) { find("clear").before(find("all"), find("undo")); find("new").parentElement.hidden = true; }
+find("expectations").open = about.expectations.some((one) => !["pass", "skipped"].includes(one.verdict)) || !about.metrics.length;
 if (about.following) find("values").open = false; // room for the chart
+if (innerHeight <= LOW && innerWidth > NARROW) for (const id of ["scene", "values"]) find(id).open = false;
 for (const [width, ids] of [[MIDDLE, ["signals"]], [NARROW, ["cases", "metrics", "values"]]]) if (innerWidth <= width) for (const id of ids) find(id).open = false;
 begin();
 if (about.growing && !about.embedded) followed();
 tree();
 plots();
+if (about.runs.length > 1) find("runs").append(...about.runs.map((run) => { const own = element("span", ""); own.append(...nameOf(run)); return own; }));
 study();

@@ -12,6 +12,7 @@ const signals = new Map(about.signals.map((one) => [one.name, one]));
 const heads = new Map(); // of a signal: its units and how it is drawn, once it was read
 const DASHES = [[], [7, 3], [2, 2], [9, 3, 2, 3], [14, 4], [1, 4]];
 const OPACITIES = [1, 0.7, 0.5]; // of seeds
+const SEEDS = /, \d+ seeds/;
 const GROUPS = 6, FIRST_PLOTS = 2, FIRST_PANES = 4, CURVES = 6; // shown at first: variants, plots, panes, curves of several signals in a pane
 const PANES = 24, SAMPLES = 20e6; // at most: panes of an address; samples of seeds that are shown together
 const LATEST = 60; // shown at first of a rig that is followed [s]
@@ -205,6 +206,7 @@ function shownPane(one, cases, part) {
 // what all labels of a pane end with, such as `3 seeds`: its title has it instead
 function shorten(lines) {
   const [end, ...others] = new Set(lines.map(({ label }) => /, [^,]+$/.exec(label)?.[0] ?? ""));
+  if (lines.length > 1) for (const line of lines) line.short = line.label.replace(SEEDS, "");
   if (!end || others.length || lines.length < 2) return "";
   for (const line of lines) line.short = line.label.slice(0, -end.length);
   return end.replace(/ \u2212 .*/, ""); // what is subtracted is in the title
@@ -233,8 +235,11 @@ const variantNumbers = numberIn("variant"), seedNumbers = numberIn("seed");
 
 function appearance({ run, variant, cases, seed }) {
   const place = variantNumbers.of.get(variant), number = seed === null || cases.length > 1 ? 0 : seedNumbers.of.get(seed);
-  return { color: variantNumbers.count > 1 ? place : run, opacity: OPACITIES[number % OPACITIES.length], dash: (about.runs.length > 1 ? run : number) + Math.floor(place / 8) };
+  return { color: variantNumbers.count > 1 ? place : run, ...lineOf(run, OPACITIES[number % OPACITIES.length]), dash: (about.runs.length > 1 ? run : number) + Math.floor(place / 8) };
 }
+
+// how the curves of a run are drawn: of several, those of the first are wide and pale, so that equal ones are seen on them
+const lineOf = (run, opacity = 1) => (about.runs.length > 1 && !run ? { width: 5, opacity: 0.45 * opacity, dash: [] } : { opacity, dash: about.runs.length > 1 ? DASHES[run % DASHES.length] : [] });
 
 // The curves of a pane. A single signal has the colors and dashes of its cases; of several signals, each has a color, and each run and variant a dash.
 // A color means one thing in all panes: those of signals follow those of the cases.
@@ -242,6 +247,7 @@ function drawnBy(one, cases) {
   const several = one.items.length > 1, labels = plotOf(one)?.labels || [], found = [];
   const groups = (minus) => {
     const all = groupsOf(cases, state.band && (minus === null || letter(minus)));
+    all.sort((a, b) => variantNumbers.of.get(a.variant) - variantNumbers.of.get(b.variant)); // the same variant of several runs in turn
     return one.kind === "time" ? all : all.map((group) => ({ ...group, cases: group.cases.slice(0, 1) })); // loops and spectra have no mean over seeds
   };
   const parts = [...new Set(cases.map((k) => JSON.stringify([about.cases[k].run, about.cases[k].variant])))];

@@ -2,7 +2,7 @@
 
 const digits = (value) => (value === null || value === undefined ? "–" : String(+value.toPrecision(6)));
 const STATISTICS = [["mean", "mean"], ["std", "std"], ["rms", "RMS"], ["low", "min"], ["high", "max"], ["peak_to_peak", "peak to peak"]];
-const SHORT = 150; // shortest time between requests of values [ms]
+const SHORT = 150, PAIRED = 2e6; // shortest time between requests of values [ms]; samples of a case from which on it is not compared with that of run A
 
 // request values for what is shown now, again if it changes meanwhile
 async function tabulate() {
@@ -10,7 +10,7 @@ async function tabulate() {
   if (tabulate.busy) return;
   tabulate.busy = true;
   while (tabulate.stale) {
-    await new Promise((done) => setTimeout(done, SHORT));
+    await new Promise((done) => setTimeout(done, playing ? SHORT / 4 : SHORT));
     tabulate.stale = false;
     try { await summarize(); } catch { /* the chart says what is wrong */ }
   }
@@ -24,14 +24,23 @@ function summarized() {
 }
 
 async function summarize() {
-  if (!find("values").open) return;
+  if (!find("values").open && about.runs.length < 2) return;
   const lines = [...curves.values()].filter((line) => line.spec.kind === "time" && !chart.dimmed.has(line.name)), window = summarized();
   const times = [...state.cursors, ...(state.time === null ? [] : [state.time])], own = (line, list) => list.map((time) => time - offset(line.spec.case));
-  const specs = lines.map((line) => ({ ...line.spec, window: own(line, window) }));
+  const pairs = about.runs.length < 2 ? [] : lines.flatMap((line, k) => { const found = line.item.minus === null && about.cases[line.spec.case].samples < PAIRED && curveOf({ kind: "time" }, { ...line.item, minus: about.runs[0].letter }, line); return found ? [[k, found]] : []; });
+  const specs = [...lines.map((line) => [line, line.spec]), ...pairs.map(([k, { spec }]) => [lines[k], spec])].map(([line, spec]) => ({ ...spec, window: own(line, window) }));
   const key = JSON.stringify([specs, lines.map((line) => about.cases[line.spec.case].samples)]); // statistics do not depend on the time cursor
   const statistics = key === summarize.key ? summarize.statistics : await statisticsOf(specs);
   Object.assign(summarize, { key, statistics });
-  const values = times.length ? await source.values(specs, lines.map((line) => own(line, times))) : [];
+  distances.clear();
+  pairs.forEach(([k, { cases: { length: common } }], p) => {
+    const { count, low, high } = statistics[lines.length + p], far = Math.max(Math.abs(low), Math.abs(high)), { spec, cases, name, pane: { unit } } = lines[k];
+    const all = about.cases.filter(({ run, variant }) => !run && variant === about.cases[spec.case].variant).length, isPart = common < Math.max(all, cases.length);
+    if (count) distances.set(name, `(${far === 0 && (isPart || count === statistics[k].count) ? "equal to A" : `A ± ${number(far, 0)} ${unit}`}${isPart ? ` in ${common} seed${common > 1 ? "s" : ""}` : ""})`);
+  });
+  chart.redraw(false);
+  if (!find("values").open) return;
+  const values = times.length ? await source.values(specs.slice(0, lines.length), lines.map((line) => own(line, times))) : [];
   const seeds = specs.some((spec) => spec.seeds?.length) ? "; seeds: means of mean, std, RMS and slope, min and max of all" : "";
   find("summarized").textContent = (state.cursors.length === 2 ? "between the cursors" : state.window ? "of the visible time" : "of the whole time") + seeds;
   find("values").querySelector("div").replaceChildren(valueTable(lines, values, statistics));
@@ -56,7 +65,7 @@ function valueTable(lines, values, statistics) {
   const table = element("table", ""), [from, to] = windowOf(), [a, b] = state.cursors, both = b !== undefined, second = (value) => `${readableTime(value, from, to)} s`;
   const row = (cells, tag = "td") => { const made = table.insertRow(); cells.forEach((text) => made.append(element(tag, text))); return made; };
   const cursors = [...(a === undefined ? [] : ["A"]), ...(both ? ["B", "B − A"] : []), ...(state.time === null ? [] : ["now"])];
-  row(["", ...cursors, ...STATISTICS.map(([, title]) => title), "slope [1/s]", "rate [Hz]"], "th");
+  row(["", ...cursors.map((name) => name.replace(/^[AB]$/, "at $&")), ...STATISTICS.map(([, title]) => title), "slope [1/s]", "rate [Hz]"], "th");
   if (cursors.length) {
     const found = { A: a, B: b, "B − A": b - a, now: state.time }, made = row(["time", ...cursors.map((name) => second(found[name])), ...Array(STATISTICS.length + 2).fill("")]);
     if (both && a !== b) {
@@ -75,23 +84,16 @@ function valueTable(lines, values, statistics) {
 
 // the rows of the curves of a pane, or of the panes into which it is split: each column has one precision
 function paneRows(entries, cursors, row) {
-  const [factor, unit] = prefixed(entries.find((each) => each.unit)?.unit ?? entries[0].line.pane.unit, entries), [from, to] = summarized();
-  entries = entries.map((each) => ({ ...each, ...Object.fromEntries([...cursors, ...STATISTICS.map(([name]) => name), "slope"].map((name) => [name, Number.isFinite(each[name]) ? factor * each[name] : each[name]])) }));
+  const [from, to] = summarized(), { unit } = entries[0].line.pane;
   const step = resolution(entries);
-  const columns = [...[...cursors, ...STATISTICS.map(([name]) => name)].map((name) => [name, step]), ["slope", step / (to - from)], ["rate", 0]];
+  const columns = [...[...cursors, ...STATISTICS.map(([name]) => name)].map((name) => [name, step]), ["slope", 10 * step / (to - from)], ["rate", 0]];
   const texts = columns.map(([name, own]) => columnTexts(entries.map((each) => each[name]), own));
   entries.forEach(({ line, count, thinned }, k) => {
     if (line.pane !== entries[k - 1]?.line.pane) row([`${line.pane.title}${unit ? ` [${unit}]` : ""}`], "th").firstChild.colSpan = 4;
     const made = row(["", ...texts.map((column) => column[k])]);
-    made.firstChild.append(swatch(line), line.label.replace(/, \d+ seeds/, ""));
+    made.firstChild.append(swatch(line), line.label.replace(SEEDS, ""));
     made.title = `${line.label}: ${line.about}; ${(count ?? 0).toLocaleString("en-US")} ${thinned ? "extremes of its samples: mean, std and RMS with twin view" : "samples"}`;
   });
-}
-
-// a factor and a unit in which values below one are no fractions, as in metrics: 35.58 mN rather than 0.03558 N
-function prefixed(unit, entries) {
-  const largest = Math.max(0, ...entries.flatMap(({ low, high }) => [low, high]).filter(Number.isFinite).map(Math.abs));
-  return /^([NmsVAWJ]|Pa|Hz)$/.test(unit) && largest && largest < 1 ? [1e3, `m${unit}`] : [1, unit];
 }
 
 // what a screen can show of the smallest range of several curves, at most a part of the largest value; 0 if all are constant
@@ -103,7 +105,7 @@ function resolution(entries) {
 // numbers with the digits of a step, all as powers of ten if they are very large or small; without a step: four significant digits
 function columnTexts(values, step) {
   const sizes = values.filter((value) => Number.isFinite(value) && value !== 0).map(Math.abs), largest = Math.max(...sizes, 0), decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-  const text = !(step > 0) ? (value) => number(value, 0) : largest >= 1e7 || (largest && largest < 1e-3) ? (value) => value.toExponential(3).replace("e+", "e") : (value) => (Math.round(value * 10 ** decimals) === 0 ? 0 : value).toFixed(Math.min(decimals, 12));
+  const text = !(step > 0) ? (value) => number(value, 0) : largest >= 1e7 || (largest && largest < 1e-5) ? (value) => value.toExponential(3).replace("e+", "e") : (value) => (Math.round(value * 10 ** decimals) === 0 ? 0 : value).toFixed(Math.min(decimals, 12));
   return values.map((value) => (value === 0 ? "0" : Number.isFinite(value) ? text(value) : "–"));
 }
 
@@ -153,8 +155,8 @@ function metrics() {
 function goTo(one) {
   const name = nameInPage(one.signal);
   const variants = one.variants?.length ? one.variants : undefined; // those that are judged
-  const seen = state.panes.some((each) => each.kind === "time" && (!variants || String(each.variants) === String(variants)) && each.items.some((item) => item.minus === null && (item.signal === name || heads.get(item.signal)?.key === one.signal)));
-  if (!seen) state.panes.unshift(pane([name], { variants }));
+  let place = state.panes.findIndex((each) => each.kind === "time" && (!variants || String(each.variants) === String(variants)) && each.items.some((item) => item.minus === null && (item.signal === name || heads.get(item.signal)?.key === one.signal)));
+  if (place < 0) { place = 0; state.panes.unshift(pane([name], { variants })); }
   if (variants && !state.cases.some((k) => about.cases[k].run === one.run && variants.includes(about.cases[k].variant)))
     state.cases = [...state.cases, ...about.cases.flatMap((each, k) => (each.run === one.run && variants.includes(each.variant) ? [k] : []))];
   const bad = Object.keys(one.spans).map(Number), [low, high] = extentOf(), move = state.offsets[one.run];
@@ -163,7 +165,7 @@ function goTo(one) {
     state.window = windowOfFailure(one, state);
   } else state.window = one.begin === null && one.end === null ? null : [(one.begin ?? low - move) + move, (one.end ?? high - move) + move];
   show();
-  find("drawing").scrollIntoView({ block: "nearest" });
+  reveal(place);
 }
 
 function events() {

@@ -5,9 +5,10 @@ import { number, readable, readableTime } from "./scale.js";
 
 const KEYS = { ArrowLeft: [-0.2, -0.2], ArrowRight: [0.2, 0.2], "+": [0.2, -0.2], "-": [-0.33, 0.33] }; // by how much of the window its ends move
 const AGAIN = 1000; // polling period of a run in progress [ms]
-const MIDDLE = 1180, NARROW = 760; // largest widths of pages with two columns and with one, as in view.css [px]
+const MIDDLE = 1180, NARROW = 760, LOW = 700; // largest widths of pages with two columns and with one, as in view.css; height of a page without scene and table at first [px]
 const hint = find("message").textContent;
 let chart, shown = [], curves = new Map();
+const distances = new Map(); // of curves of other runs from the same of run A, as texts
 
 async function samples({ names, points, from, to }) {
   const window = from === undefined ? extentOf() : [from, to];
@@ -74,6 +75,7 @@ class Panes extends Chart {
   chip(curve, index) {
     const chip = super.chip(curve, index);
     curve.equality = chip.firstChild.appendChild(element("span", ""));
+    curve.equality.before(" ");
     return chip;
   }
 
@@ -88,11 +90,11 @@ class Panes extends Chart {
     super.measure();
   }
 
-  // a difference that is zero in the visible window would otherwise look like a curve that is missing
+  // how far a run is from run A; a difference that is zero in the visible window would otherwise look like a curve that is missing
   values(one) {
     super.values(one);
     for (const { equality, item, name } of one.curves) {
-      const y = item.minus === null ? [] : [...(this.data[name]?.y ?? [])].filter((value) => !Number.isNaN(value)), text = y.length && y.every((value) => value === 0) ? "(equal)" : "";
+      const y = item.minus === null ? [] : [...(this.data[name]?.y ?? [])].filter((value) => !Number.isNaN(value)), text = item.minus === null ? distances.get(name) ?? "" : y.length && y.every((value) => value === 0) ? "(equal)" : "";
       if (equality.textContent !== text) equality.textContent = text;
     }
   }
@@ -102,6 +104,7 @@ function show() {
   document.querySelectorAll("[aria-invalid=true]").forEach((input) => refuse(input, ""));
   const panes = laid();
   find("chart").style.setProperty("--panes", Math.max(panes.length, 1));
+  find("chart").style.setProperty("--least", panes.length > 2 ? "24vh" : "13vh"); // two panes are seen together
   chart.window = state.window;
   chart.setPanes(panes);
   chart.setCursors(state.cursors);

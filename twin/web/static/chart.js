@@ -1,7 +1,7 @@
 // Panes of curves over one axis, drawn on a canvas. Independent of the server: samples come from a `source`.
 //
 //   new Chart(element, {panes, source, span, follow, notify, marks})
-//   panes:  [{title, ending, unit, weight, curves: [{name, label, short, color, step, dash, opacity, faint, low, high, about}], band: [low, high], lines: [y], own, log,
+//   panes:  [{title, ending, unit, weight, curves: [{name, label, short, color, step, dash, width, opacity, faint, low, high, about}], band: [low, high], lines: [y], own, log,
 //            x: {label, unit}, spans: [{from, to, text}], range: [low, high], home, domain: [low, high], limits: [{y, from, to, failed}]}]
 //           `ending`: of all labels, whose rest is `short`. `weight`: height relative to other panes. `own`: over its own x instead of time (x-y, spectra). log: "", "x", "y", "xy"
 //           `range`: of the vertical axis, and `domain`: of its own x, to which a user has zoomed; `home`: the range without zoom (default: `range`)
@@ -15,7 +15,7 @@
 // A click on a name of the legend dims its curve.
 
 import { before, number } from "./scale.js";
-import { BOTTOM, GAP, LEFT, RIGHT, STRIP, paintCurves, paintOverlays } from "./painter.js";
+import { BOTTOM, GAP, LEFT, RIGHT, STRIP, TIMES, paintCurves, paintOverlays } from "./painter.js";
 import { listenTo } from "./pointer.js";
 
 const PERIOD = 1000 / 31, TICK = PERIOD / 4, ROW = 24, SMALLEST = 24, AWAY = 24; // [ms], [ms]; height of a row of the legend, least height of a pane, distance of the read-out [px]
@@ -200,7 +200,7 @@ export class Chart {
   // heights below the panes, where numbers of an axis and names of marks stand
   below() {
     const timed = this.panes.findLastIndex((pane) => !pane.own);
-    return this.panes.map((pane, index) => (pane.own || index === timed ? BOTTOM : 0) + (index === timed && this.marks.length ? STRIP : 0));
+    return this.panes.map((pane, index) => (pane.own || index === timed ? BOTTOM : TIMES) + (index === timed && this.marks.length ? STRIP : 0));
   }
 
   places() {
@@ -257,8 +257,8 @@ export class Chart {
     for (const curve of pane.curves) {
       const data = this.data[curve.name];
       const [a, b] = data ? this.cursors.map((x) => at(data, x)) : [];
-      const text = pane.own || !data?.x.length ? "" : this.cursors.length === 2 ? `${number(a, 0)} → ${number(b, 0)}, Δ ${number(b - a, 0)}`
-        : this.cursors.length ? number(a, 0) : this.follow ? number(data.y[data.y.length - 1], 0) : "";
+      const text = pane.own || !data?.x.length ? "" : this.cursors.length === 2 ? `${number(a, 0)} → ${number(b, 0)}, Δ ${number(b - a, 0)} ${pane.unit}`
+        : this.cursors.length ? `${number(a, 0)} ${pane.unit}` : this.follow ? number(data.y[data.y.length - 1], 0) : "";
       if (curve.shown.textContent !== text) curve.shown.textContent = text;
     }
   }
@@ -305,10 +305,10 @@ export class Chart {
 }
 
 // a piece of a curve as it is drawn
-export function swatch({ color, dash, opacity }) {
+export function swatch({ color, dash, opacity, width }) {
   const picture = document.createElementNS(SVG, "svg"), line = picture.appendChild(document.createElementNS(SVG, "line"));
   picture.setAttribute("class", "twin-swatch");
   for (const [name, value] of Object.entries({ x1: 0, x2: 22, y1: 4, y2: 4, "stroke-dasharray": (dash || []).join(" ") })) line.setAttribute(name, value);
-  Object.assign(line.style, { stroke: `var(--line-${color % 8})`, opacity });
+  Object.assign(line.style, { stroke: `var(--line-${color % 8})`, opacity, strokeWidth: width });
   return picture;
 }

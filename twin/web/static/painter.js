@@ -6,6 +6,7 @@ export const LEFT = 58;   // margins [px]
 export const RIGHT = 14;
 export const GAP = 10;    // between panes
 export const BOTTOM = 26; // for the numbers of an axis
+export const TIMES = 19;  // for the times below a pane that is not the last
 export const STRIP = 16;  // for the names of marks
 const LEVELS = 3, TALL = 80; // least ticks of a vertical axis of at least this height [px]
 const NEAR = 0.25; // of the range of the curves: band, lines and limits that are as near are inside the vertical axis
@@ -18,7 +19,7 @@ export function paintCurves(chart) {
   context.setTransform(ratio, 0, 0, ratio, 0, 0);
   context.font = "11px system-ui, sans-serif";
   const lastTimed = chart.panes.findLastIndex((pane) => !pane.own);
-  chart.panes.forEach((pane, index) => drawPane(chart, context, pane, chart.boxes[index], index === lastTimed));
+  chart.panes.forEach((pane, index) => drawPane(chart, context, pane, chart.boxes[index]));
   if (lastTimed >= 0 && chart.marks.length) drawStrip(chart, context, chart.boxes[lastTimed]);
 }
 
@@ -59,17 +60,18 @@ function verticalRange(chart, pane, series, from, to) {
 
 const references = (pane) => [...(pane.band || []).map((y) => ({ y, name: "band" })), ...(pane.lines || []).map((y) => ({ y, name: "line" })), ...(pane.limits || []).map((one) => ({ ...one, name: "limit" }))];
 
-function drawPane(chart, context, pane, box, last) {
+function drawPane(chart, context, pane, box) {
   const of = (name) => chart.data[name] || NOTHING, curves = pane.curves.map((curve) => of(curve.name));
   const logY = (pane.log || "").includes("y"), shown = logY ? curves.map(({ x, y }) => ({ x, y: y.map((value) => (value > 0 ? value : NaN)) })) : curves;
   const more = pane.curves.flatMap((curve) => [curve.faint, curve.low, curve.high].filter(Boolean).map(of));
   fitPane(chart, pane, box, shown, more);
   box.shown = shown;
-  drawFrame(chart, context, pane, box, last);
+  drawFrame(chart, context, pane, box);
   context.save();
   clip(chart, context, box);
-  context.lineJoin = "round"; context.lineWidth = 1.4;
-  pane.curves.forEach((curve, k) => {
+  context.lineJoin = "round";
+  const order = [...pane.curves.entries()].sort(([, a], [, b]) => (b.width ?? 0) - (a.width ?? 0)); // wide ones below
+  for (const [k, curve] of order) {
     const part = chart.dimmed.has(curve.name) ? DIMMED : curve.opacity ?? 1;
     context.strokeStyle = context.fillStyle = chart.colors.lines[curve.color % 8];
     context.globalAlpha = AREA * part;
@@ -78,10 +80,11 @@ function drawPane(chart, context, pane, box, last) {
     stroke(context, of(curve.faint), box, curve.step);
     context.globalAlpha = part;
     context.setLineDash(curve.dash || []);
+    context.lineWidth = curve.width ?? 1.4;
     stroke(context, shown[k], box, curve.step);
     context.setLineDash([]);
-  });
-  context.globalAlpha = 1;
+  }
+  context.globalAlpha = 1; context.lineWidth = 1.4;
   context.setLineDash([4, 3]);
   for (const one of pane.limits || []) {
     context.strokeStyle = one.failed ? chart.colors.fail : chart.colors.accent;
@@ -104,7 +107,7 @@ function drawBeyond(chart, context, pane, box) {
   write((y) => y < box.low, "\u2193", "bottom", box.top + box.height - 3);
 }
 
-function drawFrame(chart, context, pane, box, last) {
+function drawFrame(chart, context, pane, box) {
   const { colors } = chart, width = chart.width - LEFT - RIGHT, bottom = box.top + box.height;
   context.beginPath();
   for (const one of pane.own ? [] : pane.spans || []) {
@@ -126,7 +129,7 @@ function drawFrame(chart, context, pane, box, last) {
     line(context, LEFT, at, LEFT + width, at);
     context.fillText(number(y, rows.step), LEFT - 6, at);
   }
-  drawColumns(context, pane, box, width, last || pane.own);
+  drawColumns(context, pane, box, width);
   context.setLineDash([4, 4]); context.strokeStyle = colors.text;
   for (const y of pane.lines || []) if (y >= box.low && y <= box.high) line(context, LEFT, box.down(y), LEFT + width, box.down(y));
   context.setLineDash([]);
@@ -139,7 +142,7 @@ function levels({ low, high, height }) {
   return rows;
 }
 
-function drawColumns(context, pane, box, width, numbered) {
+function drawColumns(context, pane, box, width) {
   const bottom = box.top + box.height, columns = box.logX ? decades(box.from, box.to) : ticks(box.from, box.to, width / 90);
   const name = (pane.own && pane.x && [pane.x.label, pane.x.unit].filter(Boolean).join(" ")) || "s";
   const free = 16 + context.measureText(name).width;  // the name of the axis stands left of its numbers
@@ -148,9 +151,8 @@ function drawColumns(context, pane, box, width, numbered) {
     const at = Math.round(box.across(x)) + 0.5;
     line(context, at, box.top, at, bottom);
     const text = number(x, columns.step);
-    if (numbered && at - context.measureText(text).width / 2 > free) context.fillText(text, at, bottom + 5);
+    if (at - context.measureText(text).width / 2 > free) context.fillText(text, at, bottom + 5);
   }
-  if (!numbered) return;
   context.textAlign = "left";
   context.fillText(name, 8, bottom + 5);
 }

@@ -178,7 +178,7 @@ function rowOf(chart, pane, box, curve, k) {
   const value = (data, index) => (box.logY ? number(data.y[index], 0) : readable(data.y[index], box.low, box.high));
   const own = chart.data[curve.name], [low, high] = [chart.data[curve.low], chart.data[curve.high]];
   const over = own.t ? ` over ${readable(own.x[k], box.from, box.to)} ${(pane.x?.unit || "").replace(/[[\]]/g, "")}` : "", band = low?.x.length && high?.x.length ? ` (${value(low, extremeAt(low, own.x[k], box, -1))} to ${value(high, extremeAt(high, own.x[k], box, 1))})` : "";
-  return { color: curve.color, dash: curve.dash, opacity: curve.opacity, label: curve.short || curve.label || curve.name, text: `${value(own, k)} ${pane.unit || ""}${over}${band}` };
+  return { color: curve.color, dash: curve.dash, opacity: curve.opacity, width: curve.width, label: curve.short || curve.label || curve.name, text: `${value(own, k)} ${pane.unit || ""}${over}${band}` };
 }
 
 // index of the lowest (-1) or highest (1) of the samples that are drawn on the pixel of an x
