@@ -60,14 +60,12 @@ def state_text(typed: Typed) -> str:
     """The latest reading as HTML, a line for each node; why there is none."""
     watch = typed.watch
     if watch.problem:
-        return f'<p class="twin-bad">Live state: {escape(watch.problem)}</p>'
+        return f'<p class="twin-warn twin-state">Live state is off: {escape(watch.problem)}</p>'
     if not watch.is_on:
-        return (
-            '<p class="twin-soft">Live state is off. It only reads, between commands. '
-            "Leave it off while another program has the drives.</p>"
-        )
+        reason = "It continues after the session." if watch.is_wanted else "It only reads, between commands."
+        return f'<p class="twin-soft">Live state is off. {reason}</p>'
     if not watch.rows:
-        reason = "It continues after the command." if typed.running else "Waiting for the first reading."
+        reason = "It continues after the command." if typed.running else "Listens for other programs, then reads ..."
         return f'<p class="twin-soft">{reason}</p>'
     lines = []
     for name, rows in watch.rows.items():

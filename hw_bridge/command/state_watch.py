@@ -1,4 +1,7 @@
-"""Live state of the drives of a hardware file, from `twin hil monitor` in a separate process: SDO uploads, no writes."""
+"""Live state of the drives of a hardware file, from `twin hil monitor` in a separate process: SDO uploads, no writes.
+
+It listens before it sends, and ends as soon as another program uses the drives.
+"""
 
 from __future__ import annotations
 
@@ -28,6 +31,7 @@ class StateWatch:
         self.rows: dict[str, list[tuple[str, str]]] = {}
         self.problem = ""
         self.is_on = False
+        self.is_wanted = True  # until it is switched off, or ends by itself
         self._process: subprocess.Popen[str] | None = None
         self._listener: threading.Thread | None = None
         self._lock = threading.Lock()
@@ -38,7 +42,16 @@ class StateWatch:
             if not self.is_on or (self._listener is not None and self._listener.is_alive()):
                 return
             self.problem = ""
-            words = ["monitor", "-f", str(self.file), "--json", f"--every={PERIOD}", "--build", str(self.build)]
+            words = [
+                "monitor",
+                "-f",
+                str(self.file),
+                "--json",
+                "--alone",
+                f"--every={PERIOD}",
+                "--build",
+                str(self.build),
+            ]
             self._process = subprocess.Popen(
                 [sys.executable, "-c", "from twin.cli import main; main()", "hil", *words],
                 stdin=subprocess.DEVNULL,
@@ -75,7 +88,7 @@ class StateWatch:
         process.wait()
         self.rows = {}
         if self._process is process:
-            self.is_on = False
+            self.is_on = self.is_wanted = False
             self.problem = " ".join(error.removeprefix("error: ").split()) or "the reading has ended."
         process.stdout.close()
         process.stderr.close()

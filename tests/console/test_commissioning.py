@@ -359,14 +359,16 @@ def test_a_move_needs_one_goal():
 
 
 def test_the_live_state_is_a_line_of_each_drive():
-    watch = SimpleNamespace(is_on=True, problem="", rows={})
+    watch = SimpleNamespace(is_on=True, is_wanted=True, problem="", rows={})
     watch.rows["axis"] = [("6041h Statusword", "Switch on disabled; voltage (0050h)"), ("6077h Torque", "0 A (0)")]
     text = state_text(SimpleNamespace(watch=watch, running=False))
     assert text == ('<p><b>axis</b><span title="6041h Statusword">state <b>Switch on disabled; voltage</b></span></p>')
     watch.rows["axis"] = [("no answer", "<abort>")]
     assert "no answer <b>&lt;abort&gt;</b>" in state_text(SimpleNamespace(watch=watch, running=False))
     watch.is_on = False
-    assert "Live state is off." in state_text(SimpleNamespace(watch=watch, running=False))
+    assert "off. It continues after the session." in state_text(SimpleNamespace(watch=watch, running=False))
+    watch.is_wanted, watch.problem = False, "another program on the bus reads axis."
+    assert "Live state is off: another program" in state_text(SimpleNamespace(watch=watch, running=False))
 
 
 def test_what_one_watches_over_stands_there_in_words():

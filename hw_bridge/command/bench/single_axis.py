@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hw_bridge.command.bench.options import paragraph
+from hw_bridge.command.bench.options import OptionError, paragraph
 from twin.cli import say
 from twin.errors import SimulationError
 
@@ -70,7 +70,7 @@ HOMED = click.option(
 def hardware(bus: BusChoice) -> HardwareKeys:
     """The hardware file: motion needs its limits."""
     if bus.keys is None:
-        raise click.UsageError("Name --hardware FILE: what moves a drive needs the limits that are written there.")
+        raise OptionError("Name --hardware FILE: what moves a drive needs the limits that are written there.")
     return bus.keys
 
 
@@ -106,7 +106,7 @@ def single_axis_session(
     paced: bool = False,
 ) -> Iterator[SingleAxisSession]:
     """Session with one enabled drive for the duration of the block. Exit code 1 if there are warnings at the end."""
-    from hw_bridge.commission import SdoSession, SingleAxisSession, restrict_to_node
+    from hw_bridge.commission import SdoSession, SingleAxisSession, identity_text, restrict_to_node
     from hw_bridge.master import Reference
 
     assert_armed(bus, arm)
@@ -121,13 +121,15 @@ def single_axis_session(
         check_before_power(sdo_session, axis, bus.hardware)
         reference = Reference(keys, name, axis.rotary)
         drive = sdo_session.drive(name)
+        if (page := page_watchdog()) is not None:
+            say(identity_text(drive))  # the page's steps are done for this drive alone
         if homed:
             reference.check(drive)
         keeps = not homes and not reference.problem(drive)
         reference.forget()
         session = SingleAxisSession(restrict_to_node(keys, name, homes), name, network, axis.rotary, forced)
         session.paced = paced
-        if (page := page_watchdog()) is not None:
+        if page is not None:
             session.paced = True  # it is watched, and can be stopped
             session.master.attend = partial(attend, page, session)
         try:

@@ -23,7 +23,7 @@ REAL = "interface: socketcan\nchannel: can0"
 MOTIONS = ["power on for a jog", "move", "home", "step"]
 READING = ["scan", "status", "dump", "compare", "check"]
 CHAIN = "Do step 5 (check), then 6 (direction, push) or 7 (direction, by hand)"
-BUTTONS = [*READING, "push", "by hand", *MOTIONS, "reset", "enable", "disable"]
+BUTTONS = [*READING, "push", "by hand", *MOTIONS, "reset", "restore", "enable", "disable"]
 
 
 @pytest.fixture
@@ -139,7 +139,9 @@ def test_a_simulated_bench(typed, build):
         ("acceleration", "0.4 m/s^2", "up to 4 m/s^2"),
         ("by", "0.5 mm", "-2.5 mm to 2.5 mm"),
     ]
-    assert page.boxes == ["homed since power-on"] * 2 + [
+    assert page.boxes == ["also reasons, the drive's own settings, and the effect of each limit"] + [
+        "homed since power-on",
+        "homed since power-on",
         "find the gains that explain a difference",
         "homed since power-on",
     ]

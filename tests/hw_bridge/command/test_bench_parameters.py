@@ -115,7 +115,7 @@ def test_a_dump_is_compared_and_restored(run, tmp_path):
     file = tmp_path / "a.dcf"
     text = run("dump", "axis", str(file))
     count = file.read_text(encoding="latin-1").count("ParameterValue=")
-    assert text == f"a.dcf: {count} values of axis (FAULHABER Motion Control V3.0)."
+    assert text == f"node 3 (axis): FAULHABER Motion Control V3.0, serial 1h a.dcf: {count} values of axis."
     assert count > 50
     assert "Baudrate=1000\n" in file.read_text(encoding="latin-1")
     assert run("compare", "axis", str(file)) == "axis: all values equal a.dcf."
@@ -199,7 +199,7 @@ def test_what_is_stored_is_shown_beside_a_dump(run, tmp_path):
             {"3": Restored(foreign=["axis: other"]), "5": Restored()},
             1,
             (
-                "not restored: axis: other axis: 0 objects are as before the run, 0 are not. "
+                "not restored: axis: other axis: 0 objects are as before the run, 1 are not. "
                 "axis: 0 objects are as before the run, 0 are not."
             ),
         ),
@@ -234,7 +234,7 @@ def test_the_status_of_a_drive_decides_the_exit_code(run, state):
     run.values[0x6041, 0] = WORDS[state]
     in_fault = state in (State.FAULT, State.REACTION)
     text = run("status", "axis", "-p", "mclm", code=1 if in_fault else 0)
-    assert text.startswith(f"axis: FAULHABER Motion Control V3.0 power 6041h Statusword {state}")
+    assert text.startswith(f"node 3 (axis): FAULHABER Motion Control V3.0, serial 1h power 6041h Statusword {state}")
     assert text.endswith(" errors none")
     assert run.session.asked == [("axis", "mclm")]
     assert "motion 6064h Position actual value 0 mm (0)" in text

@@ -70,6 +70,7 @@ def session(tmp_path, monkeypatch):
     monkeypatch.setattr(
         "hw_bridge.commission.SdoSession", lambda bus, nodes: SimpleNamespace(drive=lambda name: f"drive {name}")
     )
+    monkeypatch.setattr("hw_bridge.commission.identity_text", lambda drive: f"node 3 ({drive}): serial 7h")
     monkeypatch.setattr("hw_bridge.commission.SingleAxisSession", Session)
     monkeypatch.setattr("hw_bridge.master.Reference", Reference)
     monkeypatch.setattr(single_axis, "check_before_power", lambda *given: calls.append(("checked", given[1].name)))
@@ -158,7 +159,7 @@ def test_a_motion_that_failed_leaves_no_reference(session, capsys):
     session.page = SimpleNamespace(look=None)
     with pytest.raises(SimulationError, match="jammed"):
         session.enter(inside=fail)
-    assert capsys.readouterr().out == "\nwarning: note\n"  # the last live values stay
+    assert capsys.readouterr().out == "node 3 (drive axis): serial 7h\n\nwarning: note\n"  # the last live values stay
 
 
 def test_a_page_is_looked_at_in_every_cycle_and_sees_live_values(session, monkeypatch):
