@@ -247,7 +247,6 @@ def reset(file: Path, node: str | None, build: Path) -> None:
 
     A run never does this by itself. Exit code 1 if a drive is another one, or stays in Fault.
     """
-    from hw_bridge.commission import nvm
     from hw_bridge.master import Master, restoration
 
     keys = load(file)
@@ -256,16 +255,29 @@ def reset(file: Path, node: str | None, build: Path) -> None:
         master.wait(500_000_000)
         chosen = [*master.nodes.values()] if node is None else [master.nodes[axis(file, keys, node).name]]
         results = [reset_drive(master, drive) for drive in chosen]
-        for drive in chosen if all(results) and not keys.simulated else []:
-            if left := nvm.unrestored_objects(drive, restoration.folder_of(keys)):
-                paragraph(
-                    f"note: {drive.name}: {len(left)} objects hold what an interrupted run wrote: {', '.join(left)}. Restore "
-                    f"them: twin hil restore {drive.name} -f {file}. The next run does it first, too."
-                )
+        for drive, is_free in zip(chosen, results, strict=True):
+            if is_free and not keys.simulated:
+                note_leftovers(drive, file, restoration.folder_of(keys))
     finally:
         master.network.close()
     if not all(results):
         sys.exit(1)
+
+
+def note_leftovers(node: Node, file: Path, folder: Path) -> None:
+    """Print a note on the objects that an interrupted run wrote and that are not restored, by the journal in `folder`."""
+    from hw_bridge.commission import nvm
+
+    try:
+        left = nvm.unrestored_objects(node, folder)
+    except SimulationError as error:  # a running program holds the journal
+        paragraph(f"note: {error}")
+        return
+    if left:
+        paragraph(
+            f"note: {node.name}: {len(left)} objects hold what an interrupted run wrote: {', '.join(left)}. Restore them: "
+            f"twin hil restore {node.name} -f {file}. The next run does it first, too."
+        )
 
 
 def reset_drive(master: Master, node: Node) -> bool:

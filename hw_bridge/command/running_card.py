@@ -208,7 +208,12 @@ def result(typed: Typed) -> tuple[str, str]:
             f"State of the drive: {state[1]}." if state else "It did not report the state of the drive: run status."
         )
         return "neutral", f"{what}: stopped by STOP or Esc. {drive_state}"
-    error = parts(typed)[1] or " ".join(labeled(typed.text, "differs"))
+    if code < 0:
+        return "bad", (
+            f"✗ {what}: was killed (signal {-code}) and restored nothing. A drive that it moved misses its heartbeat and stops "
+            "by itself: look at its state, then reset and restore."
+        )
+    error = parts(typed)[1] or " ".join(labeled(typed.text, "differs") + labeled(typed.text, "not restored"))
     return "bad", f"✗ {what}: {' '.join(error.split()) if error else f'ended with exit code {code}'}"
 
 

@@ -245,6 +245,8 @@ def test_how_a_command_has_ended():
         "neutral",
         "jog axis: stopped by STOP or Esc. It did not report the state of the drive: run status.",
     )
+    typed.done[0] = (2.0, "", -9)
+    assert "was killed (signal 9) and restored nothing" in result(typed)[1]
     typed = SimpleNamespace(word="scan", node="", text="", done=[(1.0, "", 0)])
     assert result(typed) == ("good", "✓ scan: done")
     typed.text = "node 1: note: x\nnote: axis: a limit\n  is wider.\nnote: b\naxis: tables\n  note: no\n"

@@ -216,5 +216,6 @@ def paragraph(text: str, indent: int = 0) -> None:
     """Print a text wrapped at the terminal's width; further lines of a note or a difference are indented, so that a page finds its end."""
     import textwrap
 
-    for line in textwrap.wrap(text, WIDTH - indent, subsequent_indent="  " if LABEL.match(text) else ""):
+    further = "  " if LABEL.match(text) else ""
+    for line in textwrap.wrap(text, WIDTH - indent, subsequent_indent=further, break_on_hyphens=False):
         say(" " * indent + line)

@@ -1,6 +1,7 @@
 """`twin hil check` and `reset`: differences between a bus and a hardware file, without a bus."""
 
 import re
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -227,6 +228,17 @@ def test_a_drive_leaves_fault(capsys, values, problems, after, is_free, text):
     assert hil.reset_drive(master, node) is is_free
     assert bool(node.server.written) is (after is not None and "is not in Fault" not in text)
     assert " ".join(capsys.readouterr().out.split()).startswith(text)
+
+
+def test_what_is_not_restored_is_told_after_a_reset(capsys, monkeypatch, tmp_path):
+    left = {"axis": ["6083h.0", "1600h.1"], "other": []}
+    monkeypatch.setattr("hw_bridge.commission.nvm.unrestored_objects", lambda node, _: left[node.name])
+    for name in left:
+        hil.note_leftovers(SimpleNamespace(name=name), Path("b.yaml"), tmp_path)
+    text = " ".join(capsys.readouterr().out.split())
+    assert text.startswith("note: axis: 2 objects hold what an interrupted run wrote: 6083h.0, 1600h.1. Restore them: ")
+    assert "twin hil restore axis -f b.yaml" in text
+    assert "other" not in text
 
 
 @every_case(

@@ -7,7 +7,9 @@ from types import SimpleNamespace
 import pytest
 from click.testing import CliRunner
 
+from hw_bridge.bus import Frame
 from hw_bridge.command import hil
+from hw_bridge.command.bench.look import LISTENING
 from hw_bridge.command.bench.options import BusChoice
 from hw_bridge.commission.bus_scan import ScannedNode
 from hw_bridge.dictionary import State
@@ -258,6 +260,28 @@ def test_values_are_shown_again_and_again(run):
     assert run.session.asked == [("axis", "")]
     run.session.keys.clear()
     assert "Name at least one NODE" in run("monitor", "--for", "0", code=2)
+
+
+def test_a_monitor_that_has_to_be_alone(run):
+    """It listens before it reads, and ends when another program reads or commands the drive, which is told."""
+    assert '["1018h.4' in run("monitor", "axis", "--for", "0", "--json")
+    plain, waits, frames = run.session.wait, [], []
+
+    def wait(duration, done=lambda: False):
+        waits.append(duration)
+        for frame in frames[len(waits) - 1 : len(waits)]:
+            run.session.network.hear(frame)
+        plain(duration, done)
+
+    run.session.wait = wait
+    assert run("monitor", "axis", "--for", "0.1", "--alone").count("Switch on disabled") == 1
+    assert waits[0] == LISTENING
+    reading = Frame(0x603, bytes([0x40, 0x41, 0x60, 0, 0, 0, 0, 0]))
+    for frames[:], text in (([reading], "another program on the bus reads axis."), ([Frame(0x80)], "sent SYNC.")):
+        waits.clear()
+        told = run("monitor", "axis", "--alone", code=1)
+        assert text in told
+        assert "Statusword" not in told
 
 
 def test_nodes_of_a_scan(run, monkeypatch):
