@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from hw_bridge.command.bench.single_axis import STOPPED_IN_STATE
 from hw_bridge.command.bench.step import SHOWN
 from hw_bridge.command.progress import STOPPED
+from hw_bridge.command.state_watch import RETRY_PERIOD
 from hw_bridge.commission import HOLD
 from twin import web
 
@@ -60,7 +61,8 @@ def state_text(typed: Typed) -> str:
     """The latest reading as HTML, a line for each node; why there is none."""
     watch = typed.watch
     if watch.problem:
-        return f'<p class="twin-warn twin-state">Live state is off: {escape(watch.problem)}</p>'
+        text = f"Live state is off: {watch.problem} The page listens again every {RETRY_PERIOD:.0f} s."
+        return f'<p class="twin-warn twin-state">{escape(text)}</p>'
     if not watch.is_on:
         reason = "It continues after the session." if watch.is_wanted else "It only reads, between commands."
         return f'<p class="twin-soft">Live state is off. {reason}</p>'

@@ -11,11 +11,13 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+RETRY_PERIOD = 20.0  # after another program was heard, or the bus could not be opened [s]
 PERIOD = 0.5  # between two readings [s]
 END_TIMEOUT = 3.0  # of the process after Ctrl-C; then it is killed, which leaves the drives as they are [s]
 
@@ -31,7 +33,8 @@ class StateWatch:
         self.rows: dict[str, list[tuple[str, str]]] = {}
         self.problem = ""
         self.is_on = False
-        self.is_wanted = True  # until it is switched off, or ends by itself
+        self.is_wanted = True  # until it is switched off
+        self.retry_at = 0.0  # by time.monotonic(), after it has ended by itself
         self._process: subprocess.Popen[str] | None = None
         self._listener: threading.Thread | None = None
         self._lock = threading.Lock()
@@ -88,7 +91,7 @@ class StateWatch:
         process.wait()
         self.rows = {}
         if self._process is process:
-            self.is_on = self.is_wanted = False
+            self.is_on, self.retry_at = False, time.monotonic() + RETRY_PERIOD
             self.problem = " ".join(error.removeprefix("error: ").split()) or "the reading has ended."
         process.stdout.close()
         process.stderr.close()

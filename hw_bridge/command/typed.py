@@ -129,7 +129,8 @@ class Typed:
 
         Also begin to read the live state where nothing speaks against it, and look at what it says of the drives.
         """
-        if self.watch.is_wanted and not (self.watch.is_on or self.running or self.keys.simulated):
+        is_due = self.watch.is_wanted and time.monotonic() > self.watch.retry_at
+        if is_due and not (self.watch.is_on or self.running or self.keys.simulated):
             with suppress(TwinError):  # a session has the drives
                 self.switch_watch(True)
         for name, rows in list(self.watch.rows.items()):

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hw_bridge.command.bench.options import BusChoice
     from hw_bridge.master import Station
 
-LISTENING = 500_000_000  # before anything is sent, with --alone [ns]
+LISTENING = 1_000_000_000  # before anything is sent, with --alone [ns]
 SERIAL = ((0x1018, 4),)
 NO_ANSWER = (
     "No node answers. Is the power on? Do CAN_H, CAN_L and GND reach the drive, with 120 ohm at both ends? Has it this bit "
@@ -142,8 +142,7 @@ def monitor_command(
         while duration is None or sdo_session.network.now - begin <= duration * 1e9:
             if others.text:
                 raise SimulationError(
-                    f"{others.text.replace(' Stop it.', '')} Two programs must not disturb each other: read again once it "
-                    f"has ended."
+                    f"{others.text.replace(' Stop it.', '')} Two programs must not disturb each other."
                 )
             values = current_values(stations, learned, SERIAL if as_json else ())
             lines = [json.dumps(values)] if as_json else status_lines(values, (sdo_session.network.now - begin) / 1e9)

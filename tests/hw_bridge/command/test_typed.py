@@ -83,7 +83,7 @@ def test_the_command_line_of_a_button(make, word, node, given, words, attended):
 
 
 def test_the_live_state_begins_by_itself(make, monkeypatch):
-    """On a bus that outlives its commands, while no session has the drives; not again after it ended or was switched off."""
+    """On a bus that outlives its commands, while no session has the drives; not again after it was switched off, later after it ended."""
     calls = []
     monkeypatch.setattr(StateWatch, "resume", lambda watch: calls.append(watch.is_on))
     monkeypatch.setattr(StateWatch, "pause", lambda _watch: calls.append("pause"))
@@ -98,6 +98,12 @@ def test_the_live_state_begins_by_itself(make, monkeypatch):
     typed.release_drives()  # a session begins
     typed.reload()
     assert (calls, typed.watch.is_on) == ([True, "pause", True], True)
+    typed.watch.is_on, typed.watch.retry_at = False, time.monotonic() + 100.0  # it has ended by itself
+    typed.reload()
+    assert not typed.watch.is_on
+    typed.watch.retry_at = 0.0
+    typed.reload()
+    assert typed.watch.is_on
     typed.switch_watch(False)
     typed.reload()
     assert not typed.watch.is_on
