@@ -299,5 +299,6 @@ def reset_drive(master: Master, node: Node) -> bool:
     except SimulationError as error:
         paragraph(f"differs: {error}")
         return False
-    paragraph(f"{fault} Reset: {state}.{' Its cause is still there.' if state is State.FAULT else ''}")
+    paragraph(fault)
+    paragraph(f"Reset: {state}.{' Its cause is still there.' if state is State.FAULT else ''}")
     return state is not State.FAULT

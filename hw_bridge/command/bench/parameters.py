@@ -143,7 +143,7 @@ def dump_command(bus: BusChoice, node: str, file: Path, force: bool, profile: st
         dcf.save_dump(station, bus.journals, text)
         count = text.count("ParameterValue=")
         say(identity_text(station))
-        paragraph(f"{file}: {count} values of {station.name}.")
+        say(f"{file}: {count} values of {station.name}.")
         for text in refused:
             paragraph(f"note: not there: {text}")
 

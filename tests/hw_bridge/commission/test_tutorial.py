@@ -153,7 +153,6 @@ def test_every_command_of_the_page_is_judged():
 
 @pytest.mark.parametrize("profile", OTHERWISE)
 def test_the_bench_files_are_sound(profile):
-
     keys = load(ROOT / f"hw_bridge/benches/can0_{profile}.yaml")
     assert (keys.interface, keys.channel) == ("socketcan", "can0")
     assert not keys.is_software()
