@@ -208,7 +208,9 @@ class Typed:
             self.word, self.node, self.speed, self.text = word, node, speed, ""
             self._held = (0.0, -math.inf)
             self.motion.begin()
-            self._start([*words, "--build", str(self.console.build)], word in MOVES)
+            serial = self.progress.serials.get(self._address(node), "") if word in MOVES else ""
+            same = [f"--serial={serial}"] if serial else []  # the command refuses another drive
+            self._start([*words, *same, "--build", str(self.console.build)], word in MOVES)
             if self._stop_count != stop_count:  # meanwhile: there was no process yet
                 self.stop()
             self.changed += 1

@@ -161,6 +161,7 @@ def current_values(
 ) -> dict[str, list[tuple[str, str]]]:
     """Name and value of the monitored objects of each node, and of `more`; `learned`: names of those whose scale was read."""
     from hw_bridge.commission import monitored_rows, objects
+    from hw_bridge.master import SilentError
 
     values = {}
     for station in stations:
@@ -169,9 +170,11 @@ def current_values(
                 objects.learn(station)
             values[station.name] = monitored_rows(station, more)
             learned.add(station.name)
-        except SimulationError as error:
-            values[station.name] = [("no answer", str(error).partition(". ")[0])]
+        except SilentError:
+            values[station.name] = [("no answer", "check its power and wiring")]
             learned.discard(station.name)  # another drive may be connected meanwhile
+        except SimulationError as error:
+            values[station.name] = [("no answer", str(error)[:60])]
     return values
 
 

@@ -3,6 +3,7 @@
 import re
 from contextlib import contextmanager
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 from click.testing import CliRunner
@@ -13,6 +14,7 @@ from hw_bridge.command.bench.look import LISTENING
 from hw_bridge.command.bench.options import BusChoice
 from hw_bridge.commission.bus_scan import ScannedNode
 from hw_bridge.dictionary import State
+from hw_bridge.master import SilentError
 from hw_bridge.master.restoration import Restored
 from tests.hw_bridge.unconnected import WORDS, unconnected_node
 
@@ -262,9 +264,12 @@ def test_values_are_shown_again_and_again(run):
     assert "Name at least one NODE" in run("monitor", "--for", "0", code=2)
 
 
-def test_a_monitor_that_has_to_be_alone(run):
+def test_a_monitor_that_has_to_be_alone(run, monkeypatch):
     """It listens before it reads, and ends when another program reads or commands the drive, which is told."""
     assert '["1018h.4' in run("monitor", "axis", "--for", "0", "--json")
+    with monkeypatch.context() as patch:
+        patch.setattr("hw_bridge.commission.objects.learn", Mock(side_effect=SilentError("node 3")))
+        assert "no answer check its power" in run("monitor", "axis", "--for", "0")
     plain, waits, frames = run.session.wait, [], []
 
     def wait(duration, done=lambda: False):

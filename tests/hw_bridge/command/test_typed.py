@@ -127,6 +127,10 @@ def test_the_steps_of_another_drive_are_open(make):
     for line in (f"check {typed.file}", f"jog axis -f {typed.file}", f"status axis -f {typed.file}"):
         typed.progress.record(f"twin hil {line}", "axis", Outcome.DONE)
     assert (connect("2Bh"), typed.exchanged) == ([True] * 3, {})
+    typed.console.arm = True
+    typed.begin("jog", "axis")
+    assert "--serial=2B" in typed.started.pop()[0]  # the command refuses another drive
+    typed.running = False
     assert connect("2Ch") == [False] * 3
     assert typed.exchanged["axis"].startswith("Another drive answers: serial number 2Ch, before 2Bh.")
     assert connect("2Bh") == [True] * 3
