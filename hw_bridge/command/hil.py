@@ -234,7 +234,7 @@ def brief(rows: Sequence[PlannedRow]) -> list[Sequence[str]]:
         (row.object, row.name[:28], RAW.sub("", row.before), RAW.sub("", row.after)) for row in others
     ]
     if mapping:
-        shown.append((f"{mapping[0]} ...", f"{len(mapping)} of process data", "", "mapping of the run"))
+        shown.append((f"{len(mapping)} more", f"PDOs, {min(mapping)} to {max(mapping)}", "", "mapping of the run"))
     return [WRITE_HEAD[:-1], *shown]
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.options import NODE, OptionError, on_a_bus
+from hw_bridge.command.bench.options import NODE, OptionError, on_a_bus, paragraph
 from hw_bridge.command.bench.single_axis import (
     ARM,
     HOMED,
@@ -95,7 +95,7 @@ def move_command(
         begin = session.node.position
         goal = distance if to is not None else begin + distance
         check_target(session, goal)
-        say(
+        paragraph(
             f"{session.node.name}: from {session.node.format_length(begin)} to {session.node.format_length(goal)} at "
             f"{axis.format_quantity(speed, '/s')}; positions count {session.origin}."
         )

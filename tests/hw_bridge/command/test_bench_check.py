@@ -172,7 +172,7 @@ def test_what_a_run_would_write_is_shown(capsys):
     brief = capsys.readouterr().out
     assert len(brief.splitlines()) < 50
     assert all(row.object in brief for row in planned if not hil.PDO_OBJECT.match(row.object))
-    assert "17 of process data" in brief
+    assert "17 more  PDOs, 1400h.2 to 1A01h.2" in brief
     assert "limits.velocity" not in brief.partition("object ")[2]
 
 
