@@ -45,8 +45,10 @@ class Restored:
     @property
     def counts(self) -> str:
         """How many objects are as before, and how many are not; which were left on purpose."""
-        kept = f" Left on purpose (outputs, offsets, `keep`): {', '.join(self.retained)}." if self.retained else ""
-        return f"{len(self.restored)} objects are as before the run, {len(self.failed + self.foreign)} are not.{kept}"
+        retained = f" Left on purpose (outputs, offsets, `keep`): {', '.join(self.retained)}." if self.retained else ""
+        return (
+            f"{len(self.restored)} objects are as before the run, {len(self.failed + self.foreign)} are not.{retained}"
+        )
 
 
 def restore(station: Station, armed: bool = True) -> Restored:

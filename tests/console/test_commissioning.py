@@ -142,7 +142,8 @@ def test_a_jog_moves_while_it_is_renewed_and_ends_with_its_page(typed):
     assert one.done[0][2] == 1
     assert one.progress.time_of(next(step for step in STEPS if step.word == "jog"), "axis")  # it has moved
     (times, position), (_, current) = (one.motion.read(name, 0.0, 1e9, 4000) for name in ("position", "current"))
-    assert (position[0], position.max() > 1.0, len(times) == len(current) > 5) == (0.0, True, True)
+    assert position[0] == pytest.approx(0.0, abs=0.5)  # the first line may come within the first steps
+    assert (position.max() > 1.0, len(times) == len(current) > 5) == (True, True)
     assert one.motion.origin == "from start"
 
 
