@@ -160,7 +160,8 @@ def adopt(profile: Profile, path: Path) -> tuple[Profile, list[str]]:
         scales = False
     if not scales:
         raise DeclarationError(
-            f"{path}: says not how {profile.title} scales: an object is missing or 0. Use a file of this drive."
+            f"{path}: does not state the scale of {profile.title}: an object is missing or 0. Is it the EDS file of another "
+            f"drive? Use one of this drive."
         )
     return changed, warnings
 

@@ -69,7 +69,8 @@ READING = (
     Step(
         "check",
         "check",
-        "Lists each object that a run writes, before and after, and what differs from the hardware file.",
+        "Lists what differs from the hardware file, and each object that a run writes, before and after.",
+        (Entry("verbose", "also reasons, the drive's own settings, and the effect of each limit", None),),
         is_bus_wide=True,
     ),
 )
@@ -114,6 +115,7 @@ STEPS = (  # in the order of the first-motion page
 )
 ANY_TIME = (
     Step("reset", "reset", "Tells what a drive in Fault says of its cause, then resets it. Power stays off."),
+    Step("restore", "restore", "Writes back what an interrupted command or run has left changed in the drive."),
     Step("enable", "enable", "Power on, the position held until End.", (HOMED,)),
     Step("disable", "disable", "Quick stop and power off, for a drive that another program left on."),
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,19 +23,21 @@ from hw_bridge.commission import (
 )
 from hw_bridge.hardware import load, stall_bounds
 from hw_bridge.plant import bench_network
-from twin.cli import say
 from twin.cli.options import build_option
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
+    from hw_bridge.commission import PlannedRow
     from hw_bridge.hardware import HardwareKeys
     from hw_bridge.master import Master, ModuleNode, Node
 
 __all__ = ["bench_network", "command", "compare_bus", "profile_title_of"]
 
 WRITE_HEAD = ("object", "name", "before", "after", "why")
+RAW = re.compile(r" \([^()]*\)$")  # value in the drive's own unit, behind a quantity
+PDO_OBJECT = re.compile(r"1[4-9AB]")  # 1400h to 1BFFh
 
 COMMANDS = {  # file of hw_bridge.command.bench and what it does, in the order of commissioning
     "scan": ("look", "list the nodes: vendor, product, profile, state, errors"),
@@ -95,27 +98,31 @@ def command() -> None:
 
 @dataclass
 class Findings:
-    """Result of a check: what differs, notes, and tables by their heading. The first two are printed above the tables."""
+    """Result of a check: what differs, notes, and tables by their heading: a brief one for each node, and all."""
 
     problems: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    brief: list[tuple[str, Sequence[Sequence[str]]]] = field(default_factory=list)
     tables: list[tuple[str, Sequence[Sequence[str]]]] = field(default_factory=list)
 
     def add(self, other: Findings) -> None:
         """Append the findings of one node."""
         self.problems += other.problems
         self.notes += other.notes
+        self.brief += other.brief
         self.tables += other.tables
 
-    def show(self) -> None:
-        """Print what an operator must read first, then the tables."""
+    def show(self, verbose: bool = True) -> None:
+        """Print what an operator must read first, then the tables, without `verbose` the brief ones."""
         for text in self.problems:
             paragraph(f"differs: {text}")
         for text in self.notes:
             paragraph(f"note: {text}")
-        for heading, rows in self.tables:
+        for heading, rows in self.tables if verbose else self.brief:
             paragraph(heading)
-            table(rows, 2, head=rows[:1] == [WRITE_HEAD])
+            table(rows, 2, head=rows[:1] in ([WRITE_HEAD], [WRITE_HEAD[:-1]]))
+        if not verbose and self.brief:
+            paragraph("--verbose adds reasons, the drive's own settings, and the effect of each limit.")
 
     @property
     def verdict(self) -> str:
@@ -128,11 +135,12 @@ class Findings:
 
 @command.command("check", short_help="compare the bus with a hardware file")
 @click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
+@click.option("--verbose", is_flag=True, help="Also reasons, the drive's own settings, and the effect of each limit.")
 @build_option
-def check(file: Path, build: Path) -> None:
+def check(file: Path, verbose: bool, build: Path) -> None:
     """Scan all node-IDs, identify each drive, compare with the hardware file. Nothing moves, nothing is written.
 
-    Exit code 1 if anything differs.
+    Prints what differs, notes, and each object that a run writes, before and after. Exit code 1 if anything differs.
     """
     keys = load(file)
     absent: dict[str, Collection[int]] = {}
@@ -140,7 +148,7 @@ def check(file: Path, build: Path) -> None:
     findings.tables += [
         (f"{', '.join(names)}: effect of each limit", rows) for names, rows in limit_effects.grouped(keys, absent)
     ]
-    findings.show()
+    findings.show(verbose)
     paragraph(findings.verdict)
     if findings.problems:
         sys.exit(1)
@@ -199,6 +207,7 @@ def unready(master: Master, station: Node | ModuleNode) -> Findings:
     findings = Findings(
         [*plan.refused, *plan.problems],
         [*plan.sizes(), *plan.notes],
+        [(write_heading(plan, rows), brief(rows))],
         [(write_heading(plan, rows), [WRITE_HEAD, *rows])],
     )
     if not isinstance(station, Node):
@@ -217,6 +226,18 @@ def unready(master: Master, station: Node | ModuleNode) -> Findings:
     return findings
 
 
+def brief(rows: Sequence[PlannedRow]) -> list[Sequence[str]]:
+    """Return the rows without reasons and the drive's own numbers; the mapping of process data is one row."""
+    mapping = [row.object for row in rows if PDO_OBJECT.match(row.object)]
+    others = [row for row in rows if row.object not in mapping]
+    shown: list[Sequence[str]] = [
+        (row.object, row.name[:28], RAW.sub("", row.before), RAW.sub("", row.after)) for row in others
+    ]
+    if mapping:
+        shown.append((f"{len(mapping)} more", f"PDOs, {min(mapping)} to {max(mapping)}", "", "mapping of the run"))
+    return [WRITE_HEAD[:-1], *shown]
+
+
 @command.command("reset", short_help="leave Fault, once the cause is known")
 @click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
 @click.argument("node", required=False, metavar="[NODE]")
@@ -226,18 +247,37 @@ def reset(file: Path, node: str | None, build: Path) -> None:
 
     A run never does this by itself. Exit code 1 if a drive is another one, or stays in Fault.
     """
-    from hw_bridge.master import Master
+    from hw_bridge.master import Master, restoration
 
     keys = load(file)
     master = Master(keys, bench_network(keys, build))
     try:
         master.wait(500_000_000)
-        chosen = master.nodes.values() if node is None else [master.nodes[axis(file, keys, node).name]]
+        chosen = [*master.nodes.values()] if node is None else [master.nodes[axis(file, keys, node).name]]
         results = [reset_drive(master, drive) for drive in chosen]
+        for drive, is_free in zip(chosen, results, strict=True):
+            if is_free and not keys.simulated:
+                note_leftovers(drive, file, restoration.folder_of(keys))
     finally:
         master.network.close()
     if not all(results):
         sys.exit(1)
+
+
+def note_leftovers(node: Node, file: Path, folder: Path) -> None:
+    """Print a note on the objects that an interrupted run wrote and that are not restored, by the journal in `folder`."""
+    from hw_bridge.commission import nvm
+
+    try:
+        left = nvm.unrestored_objects(node, folder)
+    except SimulationError as error:  # a running program holds the journal
+        paragraph(f"note: {error}")
+        return
+    if left:
+        paragraph(
+            f"note: {node.name}: {len(left)} objects hold what an interrupted run wrote: {', '.join(left)}. Restore them: "
+            f"twin hil restore {node.name} -f {file}. The next run does it first, too."
+        )
 
 
 def reset_drive(master: Master, node: Node) -> bool:
@@ -253,11 +293,12 @@ def reset_drive(master: Master, node: Node) -> bool:
         if not (fault := setup.faults(node)) and (fault := pending_error(node)):
             assert_not_driven(node)  # a reset begins with 6040h = 0: a moving axis would coast or fall
         if not fault:
-            say(f"{node.name}: is not in Fault.")
+            paragraph(f"{node.name}: is not in Fault.")
             return True
         state = setup.reset(node)
     except SimulationError as error:
         paragraph(f"differs: {error}")
         return False
-    say(f"{fault} Reset: {state}.{' Its cause is still there.' if state is State.FAULT else ''}")
+    paragraph(fault)
+    paragraph(f"Reset: {state}.{' Its cause is still there.' if state is State.FAULT else ''}")
     return state is not State.FAULT

@@ -17,6 +17,7 @@ from hw_bridge.command import commissioning_steps as steps
 from hw_bridge.command.bench.motion import ramp
 from hw_bridge.command.bench.step import SHOWN
 from hw_bridge.command.commissioning_steps import ANY_TIME, READING, STEPS, Entry, Step
+from hw_bridge.command.progress import Outcome
 from hw_bridge.command.running_card import CURVES_PATH, live_state, now
 from hw_bridge.command.typed import Typed
 from hw_bridge.commission import homing
@@ -34,10 +35,12 @@ if TYPE_CHECKING:
 
 TITLE = "Commissioning"
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")  # of a node
+(CHECK,) = (step for step in READING if step.word == "check")
 LOOKS = {  # of a step's number, by what has become of it
     "open": "done-color=soft",
     "done": "icon=check done-icon=check color=positive done-color=positive",
-    "failed": "error error-icon=close error-color=negative",
+    "failed": "icon=close error error-icon=close error-color=negative",
+    "stopped": "icon=stop error error-icon=stop error-color=warning",
 }
 FILE_PERIOD = 1.0  # between looks at the hardware file [s]
 SIMULATED = (
@@ -88,7 +91,7 @@ class Page:
             files = {
                 "step": f"--plot={self.plot(name)}",
                 "dump": str(self.new_dump(name)),
-                "compare": str(self.dump(name)),
+                "compare": str(values.get("file") or next(iter(self.dumps(name)), "")),
             }
             arguments.append(files[step.word])
         self.typed.begin(step.word, "" if step.is_bus_wide else name, arguments, speed)
@@ -101,9 +104,10 @@ class Page:
         """Path for a parameter dump of a drive now: none is overwritten."""
         return self.folder / f"{name}_{time.strftime('%Y%m%d_%H%M%S')}.dcf"
 
-    def dump(self, name: str) -> Path | None:
-        """Path of a drive's latest dump, if there is one."""
-        return max(self.folder.glob(f"{name}_{'[0-9]' * 8}_{'[0-9]' * 6}.dcf"), default=None)
+    def dumps(self, name: str) -> list[Path]:
+        """Dumps of a drive from this page, the latest first, then all DCF files in the folder of the hardware file."""
+        own = self.folder.glob(f"{name}_{'[0-9]' * 8}_{'[0-9]' * 6}.dcf")
+        return [*sorted(own, reverse=True), *sorted(self.typed.file.parent.glob("*.dcf"))]
 
     def is_done(self, step: Step, name: str) -> bool:
         """Whether a step of a drive has succeeded with this hardware file."""
@@ -173,10 +177,9 @@ def changed_file(page: Page) -> None:
     typed = page.typed
     kind, text = file_state(typed)
     notice = ui.label(text).classes(f"twin-state twin-{kind}").props("role=alert")
-    (check,) = (step for step in READING if step.word == "check")
 
     def update() -> None:
-        notice.visible = bool(typed.file_problem) or not page.is_done(check, "")
+        notice.visible = bool(typed.file_problem) or not page.is_done(CHECK, "")
 
     page.updates.append(update)
 
@@ -210,6 +213,8 @@ def drive(page: Page, drive_axis: Axis) -> None:
         f"{to_text(limits.acceleration, '/s^2')}; limits are those of the hardware file"
     ).classes("twin-soft")
 
+    notice = ui.label("").classes("twin-state twin-warn").props("role=alert")
+
     def change(event: ValueChangeEventArguments[Any]) -> None:
         (page.commissioned.add if event.value else page.commissioned.discard)(name)
         page.update()
@@ -239,6 +244,8 @@ def drive(page: Page, drive_axis: Axis) -> None:
     done_before = {each.title for each in STEPS if is_done(each)}
 
     def mark() -> None:
+        notice.text = typed.exchanged.get(name, "")
+        notice.visible = bool(notice.text) and not is_done(CHECK)
         for number, (command_step, item) in enumerate(items, 1):
             look, item.props["caption"] = step_state(page, command_step, drive_axis)
             if command_step not in STEPS:
@@ -261,14 +268,14 @@ def step_state(page: Page, command_step: Step, drive_axis: Axis) -> tuple[str, s
     """Look and caption of a step's number: what has become of it with this hardware file."""
     typed, name = page.typed, drive_axis.name
     done_at = typed.progress.time_of(command_step, name)
-    has_failed = typed.progress.has_failed(command_step, name)
-    look = "failed" if has_failed else "open" if done_at is None else "done"
+    latest = typed.progress.latest_outcome(command_step, name)
+    look = "failed" if latest is Outcome.FAILED else "done" if done_at else "stopped" if latest else "open"
     if typed.running and steps.is_step(command_step, name, typed.line):
         return look, "running"
     if reason := steps.unavailable(command_step, drive_axis, typed.keys.simulated):
         return look, reason.partition(". ")[0]
-    if has_failed:
-        return look, "failed"
+    if look in ("failed", "stopped"):
+        return look, look
     return look, None if done_at is None else time.strftime("done %Y-%m-%d %H:%M", time.localtime(done_at))
 
 
@@ -284,6 +291,8 @@ def step(page: Page, command_step: Step, drive_axis: Axis) -> None:
     for text in about:
         ui.label(text).classes("twin-soft")
     with ui.row().classes("full-width gap-2 twin-entries"):
+        if command_step.word == "compare":
+            dump_choice(page, drive_axis.name, values)
         for entry in command_step.entries:
             field(page, command_step, entry, values, drive_axis)
         step_button(page, command_step, drive_axis.name, values, drive_axis)
@@ -311,6 +320,22 @@ def field(page: Page, command_step: Step, entry: Entry, values: dict[str, Any], 
     )
     text.props(f'hint="{steps.hint(command_step, entry, drive_axis)}" maxlength={steps.LONGEST}')
     text.props("dense outlined stack-label hide-bottom-space").classes("twin-entry")
+
+
+def dump_choice(page: Page, name: str, values: dict[str, Any]) -> None:
+    """Selection of the dump to compare with, the latest at first and after each dump."""
+    from nicegui import ui
+
+    choice = ui.select({}, label="dump", on_change=lambda event: values.update(file=event.value))
+    choice.props("dense outlined stack-label").classes("full-width")
+
+    def update() -> None:
+        paths = [str(path) for path in page.dumps(name)]
+        if paths != list(choice.options):
+            choice.set_options({path: Path(path).name for path in paths}, value=next(iter(paths), None))
+        choice.visible = bool(paths)
+
+    page.updates.append(update)
 
 
 def step_button(
@@ -348,7 +373,7 @@ def refusal(page: Page, command_step: Step, name: str, values: dict[str, Any], d
         return "Correct the hardware file first."
     if page.typed.needs_arm(command_step.word) and not command_step.always:
         return "Real drives, not armed: end this console and start it with --arm."
-    if command_step.word == "compare" and page.dump(name) is None:
+    if command_step.word == "compare" and not page.dumps(name):
         return "Dump first."
     if name not in page.commissioned and (
         before := steps.prerequisite(command_step, lambda each: page.is_done(each, name))

@@ -44,48 +44,64 @@ def outcome(word: str, code: int, text: str, has_moved: bool) -> Outcome:
 
 
 class StepProgress:
-    """Steps that have succeeded, by scope (what they depend on), drive and title, with their time; and those that failed.
+    """Steps that have succeeded, by scope (what they depend on), drive and title, with their time; and how they ended last.
 
-    A file that cannot be read counts as empty: then the steps have to be done again.
+    `serials`: serial number (1018h.4) of each drive as last read, by bus and node-ID. A file that cannot be read counts as
+    empty: then the steps have to be done again.
     """
 
     def __init__(self, path: Path, scope: Callable[[Step, str], str]) -> None:
         self.path, self.scope = path, scope
         self.done: dict[tuple[str, str, str], float] = {}
-        self.failed: set[tuple[str, str, str]] = set()
-        with suppress(OSError, ValueError, TypeError):
-            self.done = {(str(s), str(n), str(t)): float(at) for s, n, t, at in json.loads(path.read_text("utf-8"))}
+        self.latest: dict[tuple[str, str, str], Outcome] = {}
+        self.serials: dict[str, str] = {}
+        with suppress(OSError, ValueError, TypeError, AttributeError, KeyError):
+            saved = json.loads(path.read_text("utf-8"))
+            self.serials = {str(address): str(serial) for address, serial in saved["serials"].items()}
+            self.done = {(str(s), str(n), str(t)): float(at) for s, n, t, at in saved["done"]}
 
     def record(self, line: str, node: str, result: Outcome) -> None:
         """Record how a command line has ended; one that failed takes back an earlier success. Saves the file."""
         for step in STEPS:
-            if result is Outcome.NEUTRAL or not is_step(step, node, line):
+            if not is_step(step, node, line):
                 continue
             key = self._key(step, node)
-            self.done.pop(key, None)
-            self.failed.discard(key)
+            self.latest[key] = result
             if result is Outcome.DONE:
                 self.done[key] = time.time()
-            else:
-                self.failed.add(key)
+            elif result is Outcome.FAILED:
+                self.done.pop(key, None)
         self._save()
 
+    def learn_serial(self, address: str, serial: str) -> str:
+        """Save a drive's serial number; return the former one if it was another, else an empty string."""
+        former = self.serials.get(address, serial)
+        if self.serials.get(address) != serial:
+            self.serials[address] = serial
+            self._save()
+        return former if former != serial else ""
+
     def forget(self, *, scope: str = "", node: str = "", title: str = "") -> None:
-        """Take back all successes of a scope, or that of a step of a drive. Saves the file."""
-        self.done = {key: at for key, at in self.done.items() if key[0] != scope and key[1:] != (node, title)}
+        """Take back all successes whose scope begins so, or that of a step of a drive. Saves the file."""
+        self.done = {
+            key: at
+            for key, at in self.done.items()
+            if not (scope and key[0].startswith(scope)) and key[1:] != (node, title)
+        }
         self._save()
 
     def _save(self) -> None:
         with suppress(OSError):  # a full disk: the steps are known until the server ends
-            write_atomically(self.path, json.dumps([[*key, at] for key, at in self.done.items()], indent=0))
+            rows = [[*key, at] for key, at in self.done.items()]
+            write_atomically(self.path, json.dumps({"serials": self.serials, "done": rows}, indent=0))
 
     def time_of(self, step: Step, node: str) -> float | None:
         """When a step has succeeded [s since the epoch], or None."""
         return self.done.get(self._key(step, node))
 
-    def has_failed(self, step: Step, node: str) -> bool:
-        """Whether the latest attempt of a step since the server's start has failed."""
-        return self._key(step, node) in self.failed
+    def latest_outcome(self, step: Step, node: str) -> Outcome | None:
+        """How the latest attempt of a step since the server's start has ended."""
+        return self.latest.get(self._key(step, node))
 
     def _key(self, step: Step, node: str) -> tuple[str, str, str]:
         name = "" if step.is_bus_wide else node

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from hw_bridge.command.bench.single_axis import STOPPED_IN_STATE
 from hw_bridge.command.bench.step import SHOWN
 from hw_bridge.command.progress import STOPPED
+from hw_bridge.command.state_watch import RETRY_PERIOD
 from hw_bridge.commission import HOLD
 from twin import web
 
@@ -60,14 +61,13 @@ def state_text(typed: Typed) -> str:
     """The latest reading as HTML, a line for each node; why there is none."""
     watch = typed.watch
     if watch.problem:
-        return f'<p class="twin-bad">Live state: {escape(watch.problem)}</p>'
+        text = f"Live state is off: {watch.problem} The page listens again every {RETRY_PERIOD:.0f} s."
+        return f'<p class="twin-warn twin-state">{escape(text)}</p>'
     if not watch.is_on:
-        return (
-            '<p class="twin-soft">Live state is off. It only reads, between commands. '
-            "Leave it off while another program has the drives.</p>"
-        )
+        reason = "It continues after the session." if watch.is_wanted else "It only reads, between commands."
+        return f'<p class="twin-soft">Live state is off. {reason}</p>'
     if not watch.rows:
-        reason = "It continues after the command." if typed.running else "Waiting for the first reading."
+        reason = "It continues after the command." if typed.running else "Listens for other programs, then reads ..."
         return f'<p class="twin-soft">{reason}</p>'
     lines = []
     for name, rows in watch.rows.items():
@@ -210,7 +210,12 @@ def result(typed: Typed) -> tuple[str, str]:
             f"State of the drive: {state[1]}." if state else "It did not report the state of the drive: run status."
         )
         return "neutral", f"{what}: stopped by STOP or Esc. {drive_state}"
-    error = parts(typed)[1] or " ".join(labeled(typed.text, "differs"))
+    if code < 0:
+        return "bad", (
+            f"✗ {what}: was killed (signal {-code}) and restored nothing. A drive that it moved misses its heartbeat and stops "
+            "by itself: look at its state, then reset and restore."
+        )
+    error = parts(typed)[1] or " ".join(labeled(typed.text, "differs") + labeled(typed.text, "not restored"))
     return "bad", f"✗ {what}: {' '.join(error.split()) if error else f'ended with exit code {code}'}"
 
 

@@ -1,4 +1,7 @@
-"""Live state of the drives of a hardware file, from `twin hil monitor` in a separate process: SDO uploads, no writes."""
+"""Live state of the drives of a hardware file, from `twin hil monitor` in a separate process: SDO uploads, no writes.
+
+It listens before it sends, and ends as soon as another program uses the drives.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +11,13 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+RETRY_PERIOD = 20.0  # after another program was heard, or the bus could not be opened [s]
 PERIOD = 0.5  # between two readings [s]
 END_TIMEOUT = 3.0  # of the process after Ctrl-C; then it is killed, which leaves the drives as they are [s]
 
@@ -28,6 +33,8 @@ class StateWatch:
         self.rows: dict[str, list[tuple[str, str]]] = {}
         self.problem = ""
         self.is_on = False
+        self.is_wanted = True  # until it is switched off
+        self.retry_at = 0.0  # by time.monotonic(), after it has ended by itself
         self._process: subprocess.Popen[str] | None = None
         self._listener: threading.Thread | None = None
         self._lock = threading.Lock()
@@ -38,7 +45,16 @@ class StateWatch:
             if not self.is_on or (self._listener is not None and self._listener.is_alive()):
                 return
             self.problem = ""
-            words = ["monitor", "-f", str(self.file), "--json", f"--every={PERIOD}", "--build", str(self.build)]
+            words = [
+                "monitor",
+                "-f",
+                str(self.file),
+                "--json",
+                "--alone",
+                f"--every={PERIOD}",
+                "--build",
+                str(self.build),
+            ]
             self._process = subprocess.Popen(
                 [sys.executable, "-c", "from twin.cli import main; main()", "hil", *words],
                 stdin=subprocess.DEVNULL,
@@ -75,7 +91,7 @@ class StateWatch:
         process.wait()
         self.rows = {}
         if self._process is process:
-            self.is_on = False
+            self.is_on, self.retry_at = False, time.monotonic() + RETRY_PERIOD
             self.problem = " ".join(error.removeprefix("error: ").split()) or "the reading has ended."
         process.stdout.close()
         process.stderr.close()

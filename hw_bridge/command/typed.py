@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 import os
+import re
 import shlex
 import signal
 import socket
@@ -19,12 +20,13 @@ import threading
 import time
 from collections import deque
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hw_bridge.command.bench.motion import EXPIRED, READY
 from hw_bridge.command.commissioning_steps import FILE_INDEPENDENT
 from hw_bridge.command.live_motion import LiveMotion
-from hw_bridge.command.progress import StepProgress, outcome
+from hw_bridge.command.progress import STOPPED, StepProgress, outcome
 from hw_bridge.command.state_watch import StateWatch
 from hw_bridge.commission import HOLD, axis
 from hw_bridge.hardware import load, resolve_bench
@@ -33,7 +35,6 @@ from twin.live import Channel, ClosedError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-    from pathlib import Path
 
     from hw_bridge.command.commissioning_steps import Step
     from twin.console import Host
@@ -44,6 +45,7 @@ END_TIMEOUT = 15.0  # of a command after Ctrl-C: its stop, and restoration of th
 READS = frozenset({"scan", "status", "dump", "compare", "check"})  # beside a session and other programs too
 OF_A_FILE = frozenset({"check", "reset"})  # their first argument is the hardware file
 HOME = "home"
+IDENTITY = re.compile(r"node (\d+)(?: \([^)]*\))?: (?:(?!node \d).)*?serial ([0-9A-F]+)h")  # in what a command prints
 MOVES = frozenset({"enable", HOME, "jog", "move", "direction", "step"})  # needs --arm for real drives, and a page
 
 
@@ -53,7 +55,9 @@ class Typed:
     def __init__(self, console: Host) -> None:
         assert console.hardware is not None
         self.console, self.file = console, console.hardware
-        self.content = ""  # hash of the hardware file
+        self.content = ""  # hash of the hardware file and of its EDS files
+        self.eds: list[str] = []  # paths of these
+        self.exchanged: dict[str, str] = {}  # sentence about each drive in whose place another one answers
         self.file_problem = ""  # why the file cannot be used now; `keys` and `axes` are then those of before
         self.read_again = 0.0  # when a changed file was read [s since the epoch], or 0
         self._read_file()
@@ -113,18 +117,31 @@ class Typed:
 
     def _read_file(self) -> None:
         """Read the hardware file; TwinError if it is wrong."""
-        self.content = digest(self.file)
+        self.content = digest(self.file, self.eds)
         keys = load(self.file)
+        if (eds := [node.eds for node in keys.nodes.values() if node.eds]) != self.eds:
+            self.eds, self.content = eds, digest(self.file, eds)
         self.axes = {name: axis(self.file, keys, name) for name in keys.nodes}
         self.keys = keys
 
     def reload(self) -> bool:
-        """Read the hardware file again if its content has changed, unless a command runs; return whether it has."""
+        """Read the hardware file again if its content has changed, unless a command runs; return whether it has.
+
+        Also begin to read the live state where nothing speaks against it, and look at what it says of the drives.
+        """
+        is_due = self.watch.is_wanted and time.monotonic() > self.watch.retry_at
+        if is_due and not (self.watch.is_on or self.running or self.keys.simulated):
+            with suppress(TwinError):  # a session has the drives
+                self.switch_watch(True)
+        for name, rows in list(self.watch.rows.items()):
+            for title, value in rows:
+                if title.startswith("1018h"):
+                    self._identify(name, value.removesuffix("h"))
         with self._lock:
             return not self.running and self._reload()
 
     def _reload(self) -> bool:
-        if digest(self.file) == self.content:
+        if digest(self.file, self.eds) == self.content:
             return False
         self.file_problem, self.read_again = "", time.time()
         try:
@@ -138,11 +155,22 @@ class Typed:
         return True
 
     def scope(self, step: Step, node: str) -> str:
-        """What the success of a step depends on: the node itself, or the content of the hardware file."""
-        if step.word not in FILE_INDEPENDENT:
-            return self.content
+        """What the success of a step depends on: the drive itself, or all of a bus; for most also the hardware file's content."""
+        addresses = [self._address(name) for _, name, _ in self.keys.stations() if node in ("", name)]
+        drives = "; ".join(f"{address} serial {self.progress.serials.get(address, '?')}" for address in addresses)
+        return drives if step.word in FILE_INDEPENDENT else f"{self.content} {drives}"
+
+    def _address(self, node: str) -> str:
         number = next((station.node for _, name, station in self.keys.stations() if name == node), 0)
         return f"{self.keys.interface} {self.keys.channel} node {number}"
+
+    def _identify(self, node: str, serial: str) -> None:
+        """Take the serial number of a drive as it was read: the steps of another drive are open."""
+        if former := self.progress.learn_serial(self._address(node), serial):
+            self.exchanged[node] = (
+                f"Another drive answers: serial number {serial}h, before {former}h. Its steps are open: begin with check."
+            )
+            self.changed += 1
 
     # -------------------------------------------------------------------------------------------------------- begin
 
@@ -180,7 +208,9 @@ class Typed:
             self.word, self.node, self.speed, self.text = word, node, speed, ""
             self._held = (0.0, -math.inf)
             self.motion.begin()
-            self._start([*words, "--build", str(self.console.build)], word in MOVES)
+            serial = self.progress.serials.get(self._address(node), "") if word in MOVES else ""
+            same = [f"--serial={serial}"] if serial else []  # the command refuses another drive
+            self._start([*words, *same, "--build", str(self.console.build)], word in MOVES)
             if self._stop_count != stop_count:  # meanwhile: there was no process yet
                 self.stop()
             self.changed += 1
@@ -214,12 +244,20 @@ class Typed:
             self.text = settled(self.text + text)
             self.changed += 1
         process.stdout.close()
+        if (code := process.wait()) == -signal.SIGINT:  # before it could handle the signal
+            code, self.text = STOPPED, "interrupted before it began\n"
         self.outputs.appendleft(self.text)
-        self.done.appendleft((begin_time, self.line, process.wait()))
-        if digest(self.file) == self.content:  # else the command may have read another file than the page shows
-            result = outcome(self.word, self.done[0][2], self.text, self.motion.has_moved)
+        self.done.appendleft((begin_time, self.line, code))
+        names = {str(station.node): name for _, name, station in self.keys.stations()}
+        for number, serial in IDENTITY.findall(" ".join(self.text.split())):
+            if number in names:
+                self._identify(names[number], serial)
+        if (
+            digest(self.file, self.eds) == self.content
+        ):  # else the command may have read another file than the page shows
+            result = outcome(self.word, code, self.text, self.motion.has_moved)
             self.progress.record(self.line, self.node, result)
-        if self.word in MOVES and self.done[0][2]:
+        if self.word in MOVES and code:
             self.progress.forget(node=self.node, title=HOME)  # a motion that is cut short loses the reference
         page, self._page = self._page, None
         if page is not None:
@@ -245,7 +283,7 @@ class Typed:
                 raise TwinError(f"{self.file}: each command has a bus of its own, so nothing can be read between them.")
             if is_on and self.console.is_open:
                 raise TwinError("a session is running. Stop it first.")
-            self.watch.is_on = is_on
+            self.watch.is_on = self.watch.is_wanted = is_on
             if not is_on:
                 self.watch.pause()
             elif not self.running:
@@ -303,12 +341,13 @@ class Typed:
             self._listener.join(END_TIMEOUT)
 
 
-def digest(file: Path) -> str:
-    """Hash of a hardware file's content; empty if it cannot be read."""
-    try:
-        return hashlib.sha256(resolve_bench(file).read_bytes()).hexdigest()
-    except (OSError, TwinError):
-        return ""
+def digest(file: Path, eds: Sequence[str] = ()) -> str:
+    """Hash of the content of a hardware file and of its EDS files; those that cannot be read count as empty."""
+    content = hashlib.sha256()
+    for path in (file, *map(Path, eds)):
+        with suppress(OSError, TwinError):
+            content.update(hashlib.sha256(resolve_bench(path).read_bytes()).digest())
+    return content.hexdigest()
 
 
 def settled(text: str) -> str:

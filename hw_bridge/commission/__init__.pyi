@@ -33,6 +33,7 @@ from .planned import write_heading as write_heading
 from .sdo_session import BOOT as BOOT
 from .sdo_session import SdoSession as SdoSession
 from .sdo_session import assert_not_driven as assert_not_driven
+from .sdo_session import identity_text as identity_text
 from .sdo_session import pending_error as pending_error
 from .single_axis_session import SLOWEST_STOP as SLOWEST_STOP
 from .single_axis_session import SingleAxisSession as SingleAxisSession

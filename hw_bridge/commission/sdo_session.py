@@ -8,7 +8,7 @@ from hw_bridge.bus import MILLISECOND, Frame, never
 from hw_bridge.commission.object_texts import read_faults
 from hw_bridge.dictionary import NmtState, State, cia301, state_of
 from hw_bridge.hardware import ModuleKeys, NodeKeys
-from hw_bridge.master import Node, SdoClient, Station
+from hw_bridge.master import Node, SdoClient, Station, restoration
 from hw_bridge.profiles import DEVICES, DRIVE_PROFILES, GENERIC, Device, Rules, device, profile
 from twin.errors import SimulationError, nearest
 
@@ -98,6 +98,12 @@ class SdoSession:
                 f"{node.name}: no profile fits it. Name the one that is like it with --profile: {', '.join(DRIVE_PROFILES)}."
             )
         return node
+
+
+def identity_text(node: Station) -> str:
+    """Node-ID, name, profile and serial number (1018h.4) of a node, in one line."""
+    name = "" if node.name == f"node {node.number}" else f" ({node.name})"
+    return f"node {node.number}{name}: {node.profile.title}, serial {restoration.identity_of(node).serial:X}h"
 
 
 def assert_not_driven(node: Station) -> None:

@@ -68,6 +68,6 @@ def rows(node: Station, addresses: tuple[tuple[int, int], ...]) -> list[Row]:
     return lines
 
 
-def monitored_rows(node: Station) -> list[Row]:
-    """Values that change during operation: for `monitor`."""
-    return rows(node, MONITORED)
+def monitored_rows(node: Station, more: tuple[tuple[int, int], ...] = ()) -> list[Row]:
+    """Values that change during operation, and those of `more`: for `monitor`."""
+    return rows(node, (*MONITORED, *more))

@@ -6,6 +6,7 @@ from hw_bridge.master import setup as setup
 from hw_bridge.master.acceleration import max_stoppable_speed as max_stoppable_speed
 from hw_bridge.master.activity import active_drives as active_drives
 from hw_bridge.master.block_signals import block_signals as block_signals
+from hw_bridge.master.foreign_master import ForeignMasterMonitor as ForeignMasterMonitor
 from hw_bridge.master.late_cycle_policy import LateCyclePolicy as LateCyclePolicy
 from hw_bridge.master.master import Master as Master
 from hw_bridge.master.module import ModuleNode as ModuleNode

@@ -21,13 +21,13 @@ RESETS = (cia301.RESET_NODE, cia301.RESET_COMMUNICATION)
 
 
 class ForeignMasterMonitor:
-    """Monitor of all frames that this program did not send. `names`: of its nodes, by node-ID.
+    """Monitor of all frames that this program did not send. `names`: of its nodes, by node-ID; `reads`: SDO uploads count too.
 
     A frame does not identify its sender: `unknown_nodes` are nodes with a heartbeat that are not in the hardware file.
     """
 
-    def __init__(self, master: int, names: Mapping[int, str]) -> None:
-        self.master, self.names = master, names
+    def __init__(self, master: int, names: Mapping[int, str], reads: bool = False) -> None:
+        self.master, self.names, self.reads = master, names, reads
         self.action = ""  # the first thing that another master did
         self.unknown_nodes: set[int] = set()
         self.resets: set[int] = set()  # node-IDs that another master has reset; 0: all
@@ -58,6 +58,8 @@ class ForeignMasterMonitor:
         if service == cia301.SDO_REQUEST and len(data) == 8 and data[0] >> 5 in WRITES:
             index, sub = struct.unpack_from("<HB", data, 1)
             return f"another master on the bus writes {index:04X}h.{sub} of {name}. Stop it."
+        if service == cia301.SDO_REQUEST and self.reads:
+            return f"another program on the bus reads {name}."
         return f"another master on the bus sends {name} targets. Stop it." if service in TARGETS else ""
 
     def has_reset(self, node: int) -> bool:

@@ -42,6 +42,14 @@ class Restored:
     foreign: list[str] = field(default_factory=list)  # changed by another program since: left as they are
     failed: list[str] = field(default_factory=list)
 
+    @property
+    def counts(self) -> str:
+        """How many objects are as before, and how many are not; which were left on purpose."""
+        retained = f" Left on purpose (outputs, offsets, `keep`): {', '.join(self.retained)}." if self.retained else ""
+        return (
+            f"{len(self.restored)} objects are as before the run, {len(self.failed + self.foreign)} are not.{retained}"
+        )
+
 
 def restore(station: Station, armed: bool = True) -> Restored:
     """Write back and verify all objects in the station's journal. Its power is off, and it is in Pre-operational.
@@ -311,5 +319,6 @@ def _unrestored(master: Master, station: Station, why: str) -> None:
     if (file := station.journal.file) is not None:
         master.notes.append(
             f"{station.name}: {len(station.journal.changes)} objects are not restored: {why} The journal is kept "
-            f"({file.path}): `twin hil restore {station.number}`."
+            f"({file.path}): `twin hil restore {station.number}`. They are "
+            f"{', '.join(change.name for change in station.journal.changes.values())}."
         )

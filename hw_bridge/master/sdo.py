@@ -43,6 +43,7 @@ class SdoClient:
     def __init__(self, node: int, send: Callable[[Frame], None], wait: Callable[[int, Condition], None]) -> None:
         self.node, self.send, self.wait = node, send, wait
         self.answers: list[bytes] = []
+        self.has_answered = False
         self.attempts, self.timeout = ATTEMPTS, TIMEOUT
         self.doubled = False  # whether one request had two answers: two nodes have this ID
         self.prompt = True  # whether every request was answered in time: else an answer may belong to an earlier one
@@ -60,6 +61,7 @@ class SdoClient:
         if self._request and data[1:4] == self._request and self._request not in self._foreign_requests:
             self.doubled |= self.prompt and any(answer[1:4] == self._request for answer in self.answers)
         self.answers.append(data)
+        self.has_answered = True
 
     def read(self, index: int, sub: int = 0, timeout: int | None = None) -> bytes:
         """The bytes of an entry."""
@@ -98,8 +100,10 @@ class SdoClient:
                 if self._fits(answer, index, sub, expected, segment):
                     return self._checked(answer, index, sub)
             self.prompt = False
+        what = f": no answer on {index:04X}h.{sub}" if self.has_answered else " does not answer"
         raise SilentError(
-            f"node {self.node}: no answer on {index:04X}h.{sub}. Check its power, the wiring, the bit rate and its node-ID."
+            f"node {self.node}{what}. Check its power, the wiring, the bit rate and its node-ID; twin hil scan lists the "
+            f"nodes that answer."
         )
 
     @staticmethod

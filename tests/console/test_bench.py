@@ -62,10 +62,13 @@ def said(page, text, seconds=30):
 
 
 def test_the_state_is_read_between_commands_and_nothing_is_written(page, drive):
-    """On the bus only requests to read (SDO upload, 40h); a command has the drive for itself, then it goes on."""
+    """Unasked, in sight on a telephone; on the bus only requests to read (SDO upload, 40h); a command has the drive for itself."""
     rows, requests = page.locator(".twin-live span[title]"), []
-    page.get_by_role("button", name="read live state").click()
     rows.first.wait_for()
+    wide = page.viewport_size
+    page.set_viewport_size({"width": 360, "height": 780})
+    assert page.locator(".twin-live").bounding_box()["y"] < page.locator(".twin-hand").bounding_box()["y"]
+    page.set_viewport_size(wide)
     with watching(drive) as bus:
         bus.network.observe(lambda _time, frame: requests.append(frame) if frame and frame.id < 0x680 else None)
         bus.wait(2_000 * MS)

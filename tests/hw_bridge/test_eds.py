@@ -106,8 +106,8 @@ GOOD = eds.export(profile("epos4"))
             section(GOOD, "1400sub1", DataType="0x9").encode(),
             "1400h.1: is VISIBLE_STRING, parameters of PDOs are numbers",
         ),
-        (without(GOOD, "3001(sub\\w)?").encode(), "says not how maxon EPOS4 scales"),
-        (eds.export(profile("mclm")).encode(), "says not how maxon EPOS4 scales"),
+        (without(GOOD, "3001(sub\\w)?").encode(), "does not state the scale of maxon EPOS4"),
+        (eds.export(profile("mclm")).encode(), "does not state the scale of maxon EPOS4"),
     ],
     ids=["empty", "zeros", "cut", "UTF-16", "default", "range", "access", "type", "scale", "another profile"],
 )

@@ -90,11 +90,12 @@ def direction_command(bus: BusChoice, node: str, is_manual: bool, timeout: float
 
 def check_manually(bus: BusChoice, axis: Axis, timeout: float) -> None:
     """Report the counted motion while the operator moves the axis."""
-    from hw_bridge.commission import direction, objects
+    from hw_bridge.commission import direction, identity_text, objects
 
     with bus.sdo_session() as sdo_session:
         node = sdo_session.drive(axis.name)
         objects.learn(node)
+        say(identity_text(node))
         enough = 20 * node.profile.motor.resolution * node.keys.scale
         say(f"{node.name}: power is off. Move it by hand to positive positions of the member, within {timeout:g} s.")
         moved = direction.measure_manual_motion(sdo_session, node, enough, round(timeout * 1e9))

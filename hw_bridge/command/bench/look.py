@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.options import NODE, PROFILE, on_a_bus, paragraph, table
+from hw_bridge.command.bench.options import NODE, PROFILE, OptionError, on_a_bus, paragraph, table
 from twin.cli import say
 from twin.errors import SimulationError
 
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from hw_bridge.command.bench.options import BusChoice
     from hw_bridge.master import Station
 
+LISTENING = 1_000_000_000  # before anything is sent, with --alone [ns]
+SERIAL = ((0x1018, 4),)
 NO_ANSWER = (
     "No node answers. Is the power on? Do CAN_H, CAN_L and GND reach the drive, with 120 ohm at both ends? Has it this bit "
     "rate (--bitrate)? A drive without a node-ID answers only LSS: twin hil lss."
@@ -76,20 +78,13 @@ def status_command(bus: BusChoice, node: str, profile: str | None) -> None:
     twin hil status 1 -i socketcan -c can0
     twin hil status servomotor -f my_bench.yaml
     """
-    from hw_bridge.commission import status
+    from hw_bridge.commission import identity_text, status
     from hw_bridge.dictionary import State, state_of
-    from hw_bridge.master import SilentError
 
     with bus.sdo_session() as sdo_session:
         station = sdo_session.node(node, profile or "")
-        try:
-            report = status(station)
-        except SilentError:
-            raise SimulationError(
-                f"{station.name}: node {station.number} does not answer. Check its power and node-ID; "
-                "twin hil scan lists the nodes that answer."
-            ) from None
-        say(f"{station.name}: {station.profile.title}")
+        report = status(station)
+        say(identity_text(station))
         width = max((len(name) for rows in report.groups.values() for name, _ in rows), default=0)
         for group, rows in report.groups.items():
             if rows:
@@ -118,26 +113,38 @@ def status_command(bus: BusChoice, node: str, profile: str | None) -> None:
 @click.option(
     "--json", "as_json", is_flag=True, help="Print each sample as one line of JSON: node, then name and value."
 )
+@click.option(
+    "--alone", is_flag=True, help="Listen first; end as soon as another program commands or reads one of the nodes."
+)
 @on_a_bus
 def monitor_command(
-    bus: BusChoice, nodes: tuple[str, ...], every: float, duration: float | None, as_json: bool
+    bus: BusChoice, nodes: tuple[str, ...], every: float, duration: float | None, as_json: bool, alone: bool
 ) -> None:
     """Show state, position, velocity, current and errors of nodes as they change, until q or Ctrl-C.
 
     Without NODE: all drives of the hardware file. In a pipe each sample is printed on a line of its own. Values are read
     by SDO only, so it may run during `twin run`.
     """
-    from hw_bridge.commission import Keyboard, objects
+    from hw_bridge.commission import Keyboard
+    from hw_bridge.master import ForeignMasterMonitor
 
     with bus.sdo_session() as sdo_session, Keyboard.open_if_terminal() as keyboard:
         stations = [sdo_session.node(station) for station in nodes or sdo_session.keys]
         if not stations:
-            raise click.UsageError("Name at least one NODE, or --hardware FILE with its nodes.")
-        for station in stations:
-            objects.learn(station)
-        begin, count = sdo_session.network.now, 0
+            raise OptionError("Name at least one NODE, or --hardware FILE with its nodes.")
+        others = ForeignMasterMonitor(
+            bus.keys.master if bus.keys else 0, {station.number: station.name for station in stations}, reads=True
+        )
+        if alone:
+            sdo_session.network.hear = others.hear
+            sdo_session.wait(LISTENING)
+        begin, count, learned = sdo_session.network.now, 0, set[str]()
         while duration is None or sdo_session.network.now - begin <= duration * 1e9:
-            values = current_values(stations)
+            if others.text:
+                raise SimulationError(
+                    f"{others.text.replace(' Stop it.', '')} Two programs must not disturb each other."
+                )
+            values = current_values(stations, learned, SERIAL if as_json else ())
             lines = [json.dumps(values)] if as_json else status_lines(values, (sdo_session.network.now - begin) / 1e9)
             if count and sys.stdout.isatty():
                 sys.stdout.write(f"\x1b[{count}F\x1b[J")
@@ -149,14 +156,23 @@ def monitor_command(
                 return
 
 
-def current_values(stations: list[Station]) -> dict[str, list[tuple[str, str]]]:
-    """Name and value of the monitored objects of each node."""
-    from hw_bridge.commission import monitored_rows
+def current_values(
+    stations: list[Station], learned: set[str], more: tuple[tuple[int, int], ...] = ()
+) -> dict[str, list[tuple[str, str]]]:
+    """Name and value of the monitored objects of each node, and of `more`; `learned`: names of those whose scale was read."""
+    from hw_bridge.commission import monitored_rows, objects
+    from hw_bridge.master import SilentError
 
     values = {}
     for station in stations:
         try:
-            values[station.name] = monitored_rows(station)
+            if station.name not in learned:
+                objects.learn(station)
+            values[station.name] = monitored_rows(station, more)
+            learned.add(station.name)
+        except SilentError:
+            values[station.name] = [("no answer", "check its power and wiring")]
+            learned.discard(station.name)  # another drive may be connected meanwhile
         except SimulationError as error:
             values[station.name] = [("no answer", str(error)[:60])]
     return values

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.options import on_a_bus, paragraph
+from hw_bridge.command.bench.options import OptionError, on_a_bus, paragraph
 from twin.cli import say
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def lss_command(
     parts = (vendor, product, revision, serial)
     given = [part for part in parts if part is not None]
     if given and len(given) < len(parts):
-        raise click.UsageError("Name all of --vendor, --product, --revision and --serial, or none if it is alone.")
+        raise OptionError("Name all of --vendor, --product, --revision and --serial, or none if it is alone.")
     with bus.sdo_session() as sdo_session:
         identity, before = lss.configure(sdo_session, lss.Identity(*given) if given else None, node_id, new_bitrate)
         paragraph(f"{identity}: node {before}.")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.options import NODE, on_a_bus
+from hw_bridge.command.bench.options import NODE, OptionError, on_a_bus, paragraph
 from hw_bridge.command.bench.single_axis import (
     ARM,
     HOMED,
@@ -85,9 +85,9 @@ def move_command(
     twin hil move servomotor --to "-20 mm" --homed -f my_bench.yaml --arm
     """
     if (by is None) == (to is None):
-        raise click.UsageError("Say how far: --by '1 mm', or to where: --to '10 mm' with --homed.")
+        raise OptionError("Say how far: --by '1 mm', or to where: --to '10 mm' with --homed.")
     if to is not None and not homed:
-        raise click.UsageError("--to needs a reference: twin hil home first, then --homed. Or use --by.")
+        raise OptionError("--to needs a reference: twin hil home first, then --homed. Or use --by.")
     axis = select_axis(bus, node)
     speed, rate = ramp(axis, velocity, acceleration)
     distance = axis.si(to, "--to") if to is not None else axis.si(by or "0", "--by")
@@ -95,7 +95,7 @@ def move_command(
         begin = session.node.position
         goal = distance if to is not None else begin + distance
         check_target(session, goal)
-        say(
+        paragraph(
             f"{session.node.name}: from {session.node.format_length(begin)} to {session.node.format_length(goal)} at "
             f"{axis.format_quantity(speed, '/s')}; positions count {session.origin}."
         )

@@ -7,7 +7,7 @@ import re
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
@@ -25,6 +25,14 @@ if TYPE_CHECKING:
 WIDTH = 80  # columns of a terminal
 LABEL = re.compile(r"(note|differs|warning|refused|not restored): ")  # of a paragraph whose further lines are indented
 LAST, NARROWEST = 24, 12  # least columns of the last column, and of others that are wrapped
+
+
+class OptionError(click.UsageError):
+    """Missing or contradicting options: an error in one line, exit code 2."""
+
+    def show(self, file: IO[Any] | None = None) -> None:  # noqa: ARG002 - click's
+        """Print the error."""
+        say(f"error: {self.format_message()}", err=True)
 
 
 @dataclass(frozen=True)
@@ -72,9 +80,9 @@ class BusChoice:
         from hw_bridge.wire import TraceWriter, WireNetwork
 
         if self.hardware is None and not (self.interface and self.channel):
-            raise click.UsageError("Which bus? Name --hardware FILE, or -i and -c, such as -i socketcan -c can0.")
+            raise OptionError("Which bus? Name --hardware FILE, or -i and -c, such as -i socketcan -c can0.")
         if self.hardware is not None and (self.interface or self.channel):
-            raise click.UsageError("Name --hardware or -i and -c, not both: the file has its own bus.")
+            raise OptionError("Name --hardware or -i and -c, not both: the file has its own bus.")
         if self.keys is not None:
             network = bench_network(self.keys, self.build)
         else:
@@ -208,5 +216,6 @@ def paragraph(text: str, indent: int = 0) -> None:
     """Print a text wrapped at the terminal's width; further lines of a note or a difference are indented, so that a page finds its end."""
     import textwrap
 
-    for line in textwrap.wrap(text, WIDTH - indent, subsequent_indent="  " if LABEL.match(text) else ""):
+    further = "  " if LABEL.match(text) else ""
+    for line in textwrap.wrap(text, WIDTH - indent, subsequent_indent=further, break_on_hyphens=False):
         say(" " * indent + line)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.options import NODE, PROFILE, on_a_bus, paragraph, table
+from hw_bridge.command.bench.options import NODE, PROFILE, OptionError, on_a_bus, paragraph, table
 from twin.cli import say
 from twin.errors import SimulationError
 from twin.files import write_atomically
@@ -84,7 +84,7 @@ def set_command(bus: BusChoice, node: str, name: str, value: str, store: bool, a
         entries = objects.find(station.mirror.entries(), name) or [objects.raw_entry(name)]
         if len(entries) > 1:
             names = ", ".join(objects.name(entry) for entry in entries)
-            raise click.UsageError(f"{name} is several objects: {names}.")
+            raise OptionError(f"{name} is several objects: {names}.")
         entry = entries[0]
         number = objects.parse_value(station, entry, value)
         switching_needs_arm(bus, station, entry, arm)
@@ -129,7 +129,7 @@ def dump_command(bus: BusChoice, node: str, file: Path, force: bool, profile: st
     \b
     twin hil dump 1 before.dcf -i socketcan -c can0
     """
-    from hw_bridge.commission import dcf, objects
+    from hw_bridge.commission import dcf, identity_text, objects
 
     if file.exists() and not force:
         raise SimulationError(
@@ -142,7 +142,8 @@ def dump_command(bus: BusChoice, node: str, file: Path, force: bool, profile: st
         write_atomically(file, text.encode("latin-1"))
         dcf.save_dump(station, bus.journals, text)
         count = text.count("ParameterValue=")
-        say(f"{file}: {count} values of {station.name} ({station.profile.title}).")
+        say(identity_text(station))
+        say(f"{file}: {count} values of {station.name}.")
         for text in refused:
             paragraph(f"note: not there: {text}")
 
@@ -154,7 +155,7 @@ def dump_command(bus: BusChoice, node: str, file: Path, force: bool, profile: st
 @on_a_bus
 def compare_command(bus: BusChoice, node: str, file: Path, profile: str | None) -> None:
     """List the differences between NODE and a DCF file. Nothing is written. Exit code 1 if anything differs."""
-    from hw_bridge.commission import dcf, objects
+    from hw_bridge.commission import dcf, identity_text, objects
 
     with bus.sdo_session() as sdo_session:
         station = sdo_session.node(node, profile or "")
@@ -165,6 +166,7 @@ def compare_command(bus: BusChoice, node: str, file: Path, profile: str | None) 
             sys.exit(1)
         differences = dcf.differences(station, wanted)
         rows = difference_rows(station, differences)
+        say(identity_text(station))
         if rows:
             table([("object", "name", "drive", "file"), *rows], head=True)
             sys.exit(1)
@@ -232,7 +234,7 @@ def restore_unfinished(
         return None
     for text in (*restored.foreign, *restored.failed):
         paragraph(f"not restored: {text}")
-    say(f"{station.name}: {len(restored.restored)} objects are as before the run, {len(restored.failed)} are not.")
+    paragraph(f"{station.name}: {restored.counts}")
     return not restored.foreign and not restored.failed
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hw_bridge.command.bench.options import paragraph
+from hw_bridge.command.bench.options import OptionError, paragraph
 from twin.cli import say
 from twin.errors import SimulationError
 
@@ -20,8 +20,10 @@ if TYPE_CHECKING:
     from hw_bridge.command.bench.options import BusChoice
     from hw_bridge.commission import Axis, PageWatchdog, SdoSession, SingleAxisSession
     from hw_bridge.hardware import HardwareKeys
+    from hw_bridge.master import Node
 
 PAGE = "hw_bridge.attendance"  # of click's context
+SERIAL = "hw_bridge.serial"  # of click's context
 LINE_PERIOD = 100_000_000  # of the line with live values [ns]
 LIVE_VALUES = re.compile(  # what `show_live` prints for a page
     r"(?P<mark>[<> ]) position +(?P<position>\S+) (?P<unit>\S+) (?P<origin>[a-z ]+), velocity +(?P<velocity>\S+ \S+), "
@@ -40,6 +42,23 @@ def attach_page_watchdog(context: click.Context, _option: click.Parameter, end: 
         context.meta[PAGE] = PageWatchdog(socket.socket(fileno=end))
 
 
+def save_serial(context: click.Context, _option: click.Parameter, serial: str | None) -> None:
+    """Save the serial number of the drive for which the page's steps are done."""
+    context.meta[SERIAL] = serial
+
+
+def assert_same_drive(drive: Node) -> None:
+    """Raise SimulationError if another drive answers than that for which the page's steps are done."""
+    from hw_bridge.master import restoration
+
+    expected, serial = click.get_current_context().meta.get(SERIAL), f"{restoration.identity_of(drive).serial:X}"
+    if expected and serial != expected:
+        raise SimulationError(
+            f"{drive.name}: another drive answers: serial number {serial}h, before {expected}h. Nothing was written. Do check "
+            f"and the steps after it again."
+        )
+
+
 def page_watchdog() -> PageWatchdog | None:
     """The page watchdog, if a page shows this command."""
     watchdog: PageWatchdog | None = click.get_current_context().meta.get(PAGE)
@@ -56,7 +75,8 @@ def ARM(command: Callable[..., Any]) -> Callable[..., Any]:  # noqa: N802 - besi
     page = click.option(
         "--attended", type=click.IntRange(3), hidden=True, expose_value=False, callback=attach_page_watchdog
     )
-    return arm(page(command))
+    serial = click.option("--serial", hidden=True, expose_value=False, callback=save_serial)
+    return arm(page(serial(command)))
 
 
 HOMED = click.option(
@@ -70,7 +90,7 @@ HOMED = click.option(
 def hardware(bus: BusChoice) -> HardwareKeys:
     """The hardware file: motion needs its limits."""
     if bus.keys is None:
-        raise click.UsageError("Name --hardware FILE: what moves a drive needs the limits that are written there.")
+        raise OptionError("Name --hardware FILE: what moves a drive needs the limits that are written there.")
     return bus.keys
 
 
@@ -106,7 +126,7 @@ def single_axis_session(
     paced: bool = False,
 ) -> Iterator[SingleAxisSession]:
     """Session with one enabled drive for the duration of the block. Exit code 1 if there are warnings at the end."""
-    from hw_bridge.commission import SdoSession, SingleAxisSession, restrict_to_node
+    from hw_bridge.commission import SdoSession, SingleAxisSession, identity_text, restrict_to_node
     from hw_bridge.master import Reference
 
     assert_armed(bus, arm)
@@ -121,13 +141,16 @@ def single_axis_session(
         check_before_power(sdo_session, axis, bus.hardware)
         reference = Reference(keys, name, axis.rotary)
         drive = sdo_session.drive(name)
+        if (page := page_watchdog()) is not None:
+            say(identity_text(drive))
+            assert_same_drive(drive)
         if homed:
             reference.check(drive)
         keeps = not homes and not reference.problem(drive)
         reference.forget()
         session = SingleAxisSession(restrict_to_node(keys, name, homes), name, network, axis.rotary, forced)
         session.paced = paced
-        if (page := page_watchdog()) is not None:
+        if page is not None:
             session.paced = True  # it is watched, and can be stopped
             session.master.attend = partial(attend, page, session)
         try:

@@ -1,6 +1,7 @@
 """`twin hil check` and `reset`: differences between a bus and a hardware file, without a bus."""
 
 import re
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -8,6 +9,7 @@ from click.testing import CliRunner
 
 from hw_bridge.bus import MILLISECOND
 from hw_bridge.command import hil
+from hw_bridge.commission import planned_rows
 from hw_bridge.commission.bus_scan import DUPLICATE_ID, ScannedNode
 from hw_bridge.dictionary import State
 from hw_bridge.hardware import HardwareKeys, load
@@ -112,7 +114,7 @@ def test_a_doubled_drive_is_not_asked_whether_it_moves(bench):
 
 
 def test_the_command_shows_limits_and_differences(bench):
-    done = CliRunner().invoke(hil.command, ["check", str(bench.file)])
+    done = CliRunner().invoke(hil.command, ["check", str(bench.file), "--verbose"])
     assert done.exit_code == 0
     lines = done.output.splitlines()
     assert lines[0].startswith("node 3: a drive")
@@ -124,9 +126,9 @@ def test_the_command_shows_limits_and_differences(bench):
     bench.scanned.pop()
     done = CliRunner().invoke(hil.command, ["check", str(bench.file)])
     assert done.exit_code == 1
-    node, difference, heading, *_, verdict = done.output.splitlines()
+    node, difference, verdict = done.output.splitlines()
     assert difference == "differs: other: node 4 does not answer. Check its power and node-ID."
-    assert (node, heading) == (lines[0], "axis: effect of each limit")
+    assert node == lines[0]
     assert verdict == "Bus and hardware file differ. Above the tables: differences 1, notes 0."
 
 
@@ -139,6 +141,7 @@ def test_what_a_run_would_write_is_shown(capsys):
         limits={"velocity": "2.5 m/s", "acceleration": "900 m/s^2", "force": "19 N"},
     )
     master = SimpleNamespace(keys=keys_of(node), plan=lambda station: plan_drive(station, 5 * MILLISECOND, 127))
+    planned = planned_rows(plan_drive(node, 5 * MILLISECOND, 127))
     findings = hil.unready(master, node)
     assert findings.problems == [
         (
@@ -165,6 +168,12 @@ def test_what_a_run_would_write_is_shown(capsys):
     assert f"{count} have another value during the run: object name before after why" in text
     assert "axis: stop, unchanged unless the hardware file sets it:" in text
     assert "note: axis: limits.velocity 2500 mm/s is above the drive's own 2000 mm/s (6080h)." in text
+    findings.show(verbose=False)
+    brief = capsys.readouterr().out
+    assert len(brief.splitlines()) < 50
+    assert all(row.object in brief for row in planned if not hil.PDO_OBJECT.match(row.object))
+    assert "17 more  PDOs, 1400h.2 to 1A01h.2" in brief
+    assert "limits.velocity" not in brief.partition("object ")[2]
 
 
 def test_an_absurd_limit_is_a_problem():
@@ -219,6 +228,17 @@ def test_a_drive_leaves_fault(capsys, values, problems, after, is_free, text):
     assert hil.reset_drive(master, node) is is_free
     assert bool(node.server.written) is (after is not None and "is not in Fault" not in text)
     assert " ".join(capsys.readouterr().out.split()).startswith(text)
+
+
+def test_what_is_not_restored_is_told_after_a_reset(capsys, monkeypatch, tmp_path):
+    left = {"axis": ["6083h.0", "1600h.1"], "other": []}
+    monkeypatch.setattr("hw_bridge.commission.nvm.unrestored_objects", lambda node, _: left[node.name])
+    for name in left:
+        hil.note_leftovers(SimpleNamespace(name=name), Path("b.yaml"), tmp_path)
+    text = " ".join(capsys.readouterr().out.split())
+    assert text.startswith("note: axis: 2 objects hold what an interrupted run wrote: 6083h.0, 1600h.1. Restore them: ")
+    assert "twin hil restore axis -f b.yaml" in text
+    assert "other" not in text
 
 
 @every_case(

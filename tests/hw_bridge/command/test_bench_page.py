@@ -23,7 +23,7 @@ REAL = "interface: socketcan\nchannel: can0"
 MOTIONS = ["power on for a jog", "move", "home", "step"]
 READING = ["scan", "status", "dump", "compare", "check"]
 CHAIN = "Do step 5 (check), then 6 (direction, push) or 7 (direction, by hand)"
-BUTTONS = [*READING, "push", "by hand", *MOTIONS, "reset", "enable", "disable"]
+BUTTONS = [*READING, "push", "by hand", *MOTIONS, "reset", "restore", "enable", "disable"]
 
 
 @pytest.fixture
@@ -139,10 +139,8 @@ def test_a_simulated_bench(typed, build):
         ("acceleration", "0.4 m/s^2", "up to 4 m/s^2"),
         ("by", "0.5 mm", "-2.5 mm to 2.5 mm"),
     ]
-    assert page.boxes == ["homed since power-on"] * 2 + [
-        "find the gains that explain a difference",
-        "homed since power-on",
-    ]
+    homed, verbose = "homed since power-on", "also reasons, the drive's own settings, and the effect of each limit"
+    assert page.boxes == [verbose, homed, homed, "find the gains that explain a difference", homed]
 
 
 @pytest.mark.parametrize(
@@ -210,11 +208,39 @@ def test_the_numbers_of_the_steps_say_what_has_become_of_them(typed, build):
     assert (looks["scan"]["done-icon"], looks["scan"].get("prefix")) == ("check", None)
     assert (looks["check"]["caption"], looks["check"]["error"]) == ("failed", True)
     assert (looks["status"]["caption"], looks["status"]["prefix"]) == ("running", "2")
+    assert (looks["check"]["icon"], looks["check"]["error-icon"]) == ("close", "close")  # also of the chosen step
     assert looks["direction, by hand"]["caption"].startswith("A simulated drive cannot be pushed by hand")
     runner.running = False
     runner.progress.record(check, "", Outcome.DONE)
     looks = {step.props["name"]: step.props for step in build(runner).stepper.default_slot.children}
     assert "error" not in looks["check"]
+    for word in ("check", "jog"):  # one that was done before it was stopped stays done
+        runner.progress.record(f"twin hil {word} {runner.file} axis", "axis", Outcome.NEUTRAL)
+    looks = {step.props["name"]: step.props for step in build(runner).stepper.default_slot.children}
+    assert [looks[name]["caption"][:7] for name in ("check", "jog")] == ["done 20", "stopped"]
+    assert (looks["jog"]["icon"], looks["jog"]["error-icon"]) == ("stop", "stop")
+
+
+def test_a_dump_is_chosen(typed, build, monkeypatch):
+    """The latest dump of the page at first, or any DCF file beside the hardware file."""
+    from nicegui import ui
+
+    monkeypatch.setattr(Page, "run_as_operator", lambda _page, what: what())
+    runner = typed()
+    folder = runner.console.runs / "commissioning"
+    folder.mkdir(parents=True)
+    paths = [folder / "axis_20260102_000000.dcf", folder / "axis_20260101_000000.dcf", runner.file.with_name("old.dcf")]
+    for path in paths:
+        path.touch()
+    buttons = build(runner).buttons
+    (compare, *_) = [button for button in buttons if button.text == "compare"]
+    (choice,) = [each for each in compare.parent_slot.parent.default_slot.children if isinstance(each, ui.select)]
+    assert list(choice.options.values()) == [path.name for path in paths]
+    (listener,) = compare._event_listeners.values()
+    for path in (paths[0], paths[2]):
+        choice.value = str(path)
+        listener.handler(None)
+        assert runner.started.pop()[0] == ["compare", "axis", "-f", str(runner.file), str(path), "--build", "build"]
 
 
 def test_a_changed_hardware_file_is_read_again(typed, build):

@@ -3,14 +3,18 @@
 import re
 from contextlib import contextmanager
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 from click.testing import CliRunner
 
+from hw_bridge.bus import Frame
 from hw_bridge.command import hil
+from hw_bridge.command.bench.look import LISTENING
 from hw_bridge.command.bench.options import BusChoice
 from hw_bridge.commission.bus_scan import ScannedNode
 from hw_bridge.dictionary import State
+from hw_bridge.master import SilentError
 from hw_bridge.master.restoration import Restored
 from tests.hw_bridge.unconnected import WORDS, unconnected_node
 
@@ -115,7 +119,7 @@ def test_a_dump_is_compared_and_restored(run, tmp_path):
     file = tmp_path / "a.dcf"
     text = run("dump", "axis", str(file))
     count = file.read_text(encoding="latin-1").count("ParameterValue=")
-    assert text == f"a.dcf: {count} values of axis (FAULHABER Motion Control V3.0)."
+    assert text == f"node 3 (axis): FAULHABER Motion Control V3.0, serial 1h a.dcf: {count} values of axis."
     assert count > 50
     assert "Baudrate=1000\n" in file.read_text(encoding="latin-1")
     assert run("compare", "axis", str(file)) == "axis: all values equal a.dcf."
@@ -199,7 +203,7 @@ def test_what_is_stored_is_shown_beside_a_dump(run, tmp_path):
             {"3": Restored(foreign=["axis: other"]), "5": Restored()},
             1,
             (
-                "not restored: axis: other axis: 0 objects are as before the run, 0 are not. "
+                "not restored: axis: other axis: 0 objects are as before the run, 1 are not. "
                 "axis: 0 objects are as before the run, 0 are not."
             ),
         ),
@@ -234,7 +238,7 @@ def test_the_status_of_a_drive_decides_the_exit_code(run, state):
     run.values[0x6041, 0] = WORDS[state]
     in_fault = state in (State.FAULT, State.REACTION)
     text = run("status", "axis", "-p", "mclm", code=1 if in_fault else 0)
-    assert text.startswith(f"axis: FAULHABER Motion Control V3.0 power 6041h Statusword {state}")
+    assert text.startswith(f"node 3 (axis): FAULHABER Motion Control V3.0, serial 1h power 6041h Statusword {state}")
     assert text.endswith(" errors none")
     assert run.session.asked == [("axis", "mclm")]
     assert "motion 6064h Position actual value 0 mm (0)" in text
@@ -258,6 +262,31 @@ def test_values_are_shown_again_and_again(run):
     assert run.session.asked == [("axis", "")]
     run.session.keys.clear()
     assert "Name at least one NODE" in run("monitor", "--for", "0", code=2)
+
+
+def test_a_monitor_that_has_to_be_alone(run, monkeypatch):
+    """It listens before it reads, and ends when another program reads or commands the drive, which is told."""
+    assert '["1018h.4' in run("monitor", "axis", "--for", "0", "--json")
+    with monkeypatch.context() as patch:
+        patch.setattr("hw_bridge.commission.objects.learn", Mock(side_effect=SilentError("node 3")))
+        assert "no answer check its power" in run("monitor", "axis", "--for", "0")
+    plain, waits, frames = run.session.wait, [], []
+
+    def wait(duration, done=lambda: False):
+        waits.append(duration)
+        for frame in frames[len(waits) - 1 : len(waits)]:
+            run.session.network.hear(frame)
+        plain(duration, done)
+
+    run.session.wait = wait
+    assert run("monitor", "axis", "--for", "0.1", "--alone").count("Switch on disabled") == 1
+    assert waits[0] == LISTENING
+    reading = Frame(0x603, bytes([0x40, 0x41, 0x60, 0, 0, 0, 0, 0]))
+    for frames[:], text in (([reading], "another program on the bus reads axis."), ([Frame(0x80)], "sent SYNC.")):
+        waits.clear()
+        told = run("monitor", "axis", "--alone", code=1)
+        assert text in told
+        assert "Statusword" not in told
 
 
 def test_nodes_of_a_scan(run, monkeypatch):

@@ -15,6 +15,7 @@ from hw_bridge.command.bench.options import BusChoice
 from hw_bridge.command.can import command as can_command
 from hw_bridge.commission import Axis
 from hw_bridge.hardware import load
+from tests.hw_bridge.unconnected import unconnected_node
 from twin.errors import SimulationError
 
 HOMING = ", homing: {method: 37}"
@@ -70,6 +71,8 @@ def session(tmp_path, monkeypatch):
     monkeypatch.setattr(
         "hw_bridge.commission.SdoSession", lambda bus, nodes: SimpleNamespace(drive=lambda name: f"drive {name}")
     )
+    monkeypatch.setattr(single_axis, "assert_same_drive", lambda drive: None)
+    monkeypatch.setattr("hw_bridge.commission.identity_text", lambda drive: f"node 3 ({drive}): serial 7h")
     monkeypatch.setattr("hw_bridge.commission.SingleAxisSession", Session)
     monkeypatch.setattr("hw_bridge.master.Reference", Reference)
     monkeypatch.setattr(single_axis, "check_before_power", lambda *given: calls.append(("checked", given[1].name)))
@@ -158,7 +161,22 @@ def test_a_motion_that_failed_leaves_no_reference(session, capsys):
     session.page = SimpleNamespace(look=None)
     with pytest.raises(SimulationError, match="jammed"):
         session.enter(inside=fail)
-    assert capsys.readouterr().out == "\nwarning: note\n"  # the last live values stay
+    assert capsys.readouterr().out == "node 3 (drive axis): serial 7h\n\nwarning: note\n"  # the last live values stay
+
+
+@pytest.mark.parametrize(("expected", "is_refused"), [(None, False), ("1", False), ("2B", True)])
+def test_another_drive_than_the_one_of_the_steps_is_refused(expected, is_refused):
+    drive = unconnected_node()
+    with click.Context(click.Command("move")) as context:
+        single_axis.save_serial(context, None, expected)
+        if not is_refused:
+            single_axis.assert_same_drive(drive)
+            return
+        with pytest.raises(
+            SimulationError, match=r"axis: another drive answers: serial number 1h, before 2Bh\. Nothing"
+        ):
+            single_axis.assert_same_drive(drive)
+    assert drive.server.written == []
 
 
 def test_a_page_is_looked_at_in_every_cycle_and_sees_live_values(session, monkeypatch):

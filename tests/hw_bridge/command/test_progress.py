@@ -48,14 +48,18 @@ def test_steps_are_known_after_a_restart(tmp_path):
     assert again.time_of(STEP["check"], "axis") is None
     scope[0] = "a"
     again.record("twin hil check b.yaml", "", Outcome.FAILED)
-    assert again.has_failed(STEP["check"], "axis")
+    assert again.latest_outcome(STEP["check"], "axis") is Outcome.FAILED
+    again.record("twin hil jog axis -f b.yaml", "axis", Outcome.NEUTRAL)
+    assert again.latest_outcome(STEP["jog"], "axis") is Outcome.NEUTRAL
+    assert [again.learn_serial("can0 node 1", serial) for serial in ("1", "1", "2B")] == ["", "", "1"]
+    assert progress().serials == {"can0 node 1": "2B"}
     assert progress().time_of(STEP["check"], "axis") is None
     assert progress().time_of(STEP["jog"], "axis") is not None
     again.record("twin hil home axis -f b.yaml", "axis", Outcome.DONE)
     again.forget(node="axis", title="home")
     assert progress().time_of(STEP["home"], "axis") is None
     assert progress().time_of(STEP["jog"], "axis") is not None
-    again.forget(scope="a axis")
+    again.forget(scope="a ")
     assert progress().time_of(STEP["jog"], "axis") is None
     path.write_text('[["a", 1]]')
     assert progress().done == {}

@@ -14,8 +14,10 @@ from hw_bridge.command import control as control_channel
 from hw_bridge.command import drive
 from hw_bridge.command.commissioning_steps import STEPS, options
 from hw_bridge.command.pages import Page
+from hw_bridge.command.progress import Outcome
 from hw_bridge.command.running_card import listed, picture
-from hw_bridge.command.typed import READY, SHOWN, Typed, settled
+from hw_bridge.command.state_watch import StateWatch
+from hw_bridge.command.typed import IDENTITY, READY, SHOWN, Typed, settled
 from hw_bridge.commission import Axis
 from hw_bridge.fault import Cause, Fault
 from hw_bridge.hardware import load
@@ -78,6 +80,81 @@ def test_the_command_line_of_a_button(make, word, node, given, words, attended):
         typed.begin("scan")
     busy = "" if word == "scan" else f"twin hil {word} has the drives (Commissioning). End it first."
     assert typed.busy == busy
+
+
+def test_the_live_state_begins_by_itself(make, monkeypatch):
+    """On a bus that outlives its commands, while no session has the drives; not again after it was switched off, later after it ended."""
+    calls = []
+    monkeypatch.setattr(StateWatch, "resume", lambda watch: calls.append(watch.is_on))
+    monkeypatch.setattr(StateWatch, "pause", lambda _watch: calls.append("pause"))
+    typed = make(REAL)
+    typed.console.is_open = True
+    typed.reload()
+    assert (calls, typed.watch.is_on) == ([], False)
+    typed.console.is_open = False
+    typed.reload()
+    typed.reload()
+    assert (calls, typed.watch.is_on) == ([True], True)
+    typed.release_drives()  # a session begins
+    typed.reload()
+    assert (calls, typed.watch.is_on) == ([True, "pause", True], True)
+    typed.watch.is_on, typed.watch.retry_at = False, time.monotonic() + 100.0  # it has ended by itself
+    typed.reload()
+    assert not typed.watch.is_on
+    typed.watch.retry_at = 0.0
+    typed.reload()
+    assert typed.watch.is_on
+    typed.switch_watch(False)
+    typed.reload()
+    assert not typed.watch.is_on
+    simulated = make()
+    simulated.console.is_open = False
+    simulated.reload()
+    assert not simulated.watch.is_on
+
+
+def test_the_steps_of_another_drive_are_open(make):
+    typed = make(REAL)
+    typed.watch.is_wanted = False
+    check, jog, status = (next(step for step in STEPS if step.word == word) for word in ("check", "jog", "status"))
+
+    def connect(serial):
+        typed.watch.rows = {"axis": [("6041h Statusword", "Fault (0008h)"), ("1018h.4 Serial number", serial)]}
+        typed.reload()
+        return [typed.progress.time_of(step, "axis") is not None for step in (check, jog, status)]
+
+    assert connect("2Bh") == [False] * 3
+    for line in (f"check {typed.file}", f"jog axis -f {typed.file}", f"status axis -f {typed.file}"):
+        typed.progress.record(f"twin hil {line}", "axis", Outcome.DONE)
+    assert (connect("2Bh"), typed.exchanged) == ([True] * 3, {})
+    typed.console.arm = True
+    typed.begin("jog", "axis")
+    assert "--serial=2B" in typed.started.pop()[0]  # the command refuses another drive
+    typed.running = False
+    assert connect("2Ch") == [False] * 3
+    assert typed.exchanged["axis"].startswith("Another drive answers: serial number 2Ch, before 2Bh.")
+    assert connect("2Bh") == [True] * 3
+    scan = "node 1 (axis): a drive vendor 1h, product 2h, revision 3h, serial 2Ch ready"
+    assert IDENTITY.findall(f"node 3: mute node 4: 2 answers: several {scan} node 2: b, serial 7h") == [
+        ("1", "2C"),
+        ("2", "7"),
+    ]
+
+
+def test_a_changed_eds_file_opens_the_steps(make, tmp_path):
+    from hw_bridge import eds
+
+    (tmp_path / "axis.eds").write_text(eds.export(profile("faulhaber_v3")))
+    typed = make(REAL.replace("faulhaber_v3", "faulhaber_v3, eds: axis.eds, units: {acceleration: 1 mm/s^2}"))
+    typed.watch.is_wanted = False
+    (check,) = (step for step in STEPS if step.word == "check")
+    typed.progress.record(f"twin hil check {typed.file}", "", Outcome.DONE)
+    assert not typed.reload()
+    assert typed.progress.time_of(check, "") is not None
+    (tmp_path / "axis.eds").write_text(eds.export(profile("faulhaber_v3")) + "\n; another revision\n")
+    assert typed.reload()
+    assert typed.progress.time_of(check, "") is None
+    assert not typed.reload()
 
 
 @pytest.mark.parametrize(

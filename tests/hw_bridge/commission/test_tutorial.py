@@ -14,6 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from hw_bridge.command import hil
+from hw_bridge.hardware import load
 from tests.hw_bridge.axis import UNSTATED
 from tests.hw_bridge.commission.conftest import drive_process
 
@@ -50,6 +51,18 @@ TOLD = {
     "store": "are stored",
     "reset": "is not in Fault",
 }
+
+
+def test_the_hardware_file_without_a_drive_fits_the_simulated_drive_of_the_page():
+    words = shlex.split(re.search(r"^twin drive .*$", PAGE, re.MULTILINE)[0])
+    options = dict(zip(words[2::2], words[3::2], strict=True))
+    assert "`-f multicast_first_motion`" in PAGE
+    keys, real = load(Path("multicast_first_motion")), load(Path("can0_faulhaber_v3"))
+    node = keys.nodes["servomotor"]
+    assert (keys.interface, keys.channel) == (options["--interface"], options["--channel"])
+    assert (node.profile, str(node.node)) == (options["--profile"], options["--node"])
+    assert keys.is_software()
+    assert node.model_copy(update={"units": real.nodes["servomotor"].units}) == real.nodes["servomotor"]
 
 
 def run(line, folder, build, drive):
@@ -140,8 +153,6 @@ def test_every_command_of_the_page_is_judged():
 
 @pytest.mark.parametrize("profile", OTHERWISE)
 def test_the_bench_files_are_sound(profile):
-    from hw_bridge.hardware import load
-
     keys = load(ROOT / f"hw_bridge/benches/can0_{profile}.yaml")
     assert (keys.interface, keys.channel) == ("socketcan", "can0")
     assert not keys.is_software()

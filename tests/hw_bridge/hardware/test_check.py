@@ -58,7 +58,9 @@ def test_check_notices_two_nodes_with_one_id(write, build, monkeypatch):
 
 @pytest.mark.slow
 def test_check_says_where_each_limit_acts(write, build, tmp_path):
-    done = CliRunner().invoke(hil.command, ["check", "hw_bridge/benches/simulated_racs.yaml", "--build", str(build)])
+    done = CliRunner().invoke(
+        hil.command, ["check", "hw_bridge/benches/simulated_racs.yaml", "--verbose", "--build", str(build)]
+    )
     said = " ".join(done.output.split())
     assert "servomotor_1, servomotor_2: effect of each limit" in said
     assert "rotation: effect of each limit" in said
@@ -66,7 +68,9 @@ def test_check_says_where_each_limit_acts(write, build, tmp_path):
     assert "acceleration targets of csp and csv; in cst the measured one over 4 cycles, else it stops" in said
     mclm = tmp_path / "mclm.yaml"
     mclm.write_text("simulated: true\nnodes: {axis: {node: 1, profile: mclm, limits: {actual_value_age: 12 ms}}}\n")
-    said = " ".join(CliRunner().invoke(hil.command, ["check", str(mclm), "--build", str(build)]).output.split())
+    said = " ".join(
+        CliRunner().invoke(hil.command, ["check", str(mclm), "--verbose", "--build", str(build)]).output.split()
+    )
     assert "acceleration targets of pp and pv; the drive's 6083h, 6084h, 6085h: profile modes and quick stop" in said
     assert "actual_value_age 12 ms" in said
     assert "following_error each cycle, else it stops acceleration" in said, "the MCLM has no 6065h"

@@ -86,7 +86,8 @@ def test_the_command_resets(bench):
     done = run("reset")
     assert done.exit_code == 0, done.output
     assert (
-        "servomotor: is in Fault, 603Fh: 7300h encoder; 1003h: 7300h encoder. Reset: Switch on disabled." in done.output
+        "servomotor: is in Fault, 603Fh: 7300h encoder; 1003h: 7300h encoder. Reset: Switch on disabled."
+        in " ".join(done.output.split())
     )
     assert drives[0].state is State.DISABLED
 

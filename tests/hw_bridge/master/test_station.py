@@ -156,9 +156,12 @@ def test_an_answer_to_another_request_is_not_taken(other):
 
 def test_silence_and_aborts():
     line = Line()
+    with pytest.raises(SilentError, match=r"^node 3 does not answer\. Check its power"):
+        line.client.read(0x6064)
+    line.client.process_frame(answer(0x4B, data=b"\x34\x12"))  # of another request
     with pytest.raises(SilentError, match=r"^node 3: no answer on 6064h\.0\. Check its power"):
         line.client.read(0x6064)
-    assert len(line.sent) == 2
+    assert len(line.sent) == 4
     line = Line([answer(0x80, data=struct.pack("<I", 0x06020000))])
     with pytest.raises(SdoError, match=r"^node 3: 6064h\.0: refused with 06020000h, no object\.$") as caught:
         line.client.read(0x6064)

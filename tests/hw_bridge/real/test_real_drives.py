@@ -109,7 +109,7 @@ def test_homing_of_an_mc5004(bench):
 
 
 def test_all_that_an_mc5004_has_not_is_named_before_anything_is_written(bench):
-    told = run("check", bench(*CASES["mc5004"]))
+    told = run("check", bench(*CASES["mc5004"]), "--verbose")
     for missing in ("603Fh", "607Fh", "60C2h", "60FEh"):
         assert f"note: servomotor: has no {missing} " in told
     assert "has no 6075h, by which its profile scales" in told

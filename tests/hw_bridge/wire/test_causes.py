@@ -70,8 +70,8 @@ def test_a_drive_that_takes_no_sdo(bus, build, monkeypatch):
         with pytest.raises(SimulationError) as failure:
             axis.go(1)
         assert str(failure.value) == (
-            "servomotor: node 1: no answer on 1000h.0. Check its power, the wiring, the bit rate and its node-ID. It tells "
-            "that it lives, but takes no SDO: switch it off and on. EMCY: servomotor 7300h encoder (1001h 21h generic, "
+            "servomotor: node 1 does not answer. Check its power, the wiring, the bit rate and its node-ID; twin hil scan lists "
+            "the nodes that answer. It tells that it lives, but takes no SDO: switch it off and on. EMCY: servomotor 7300h encoder (1001h 21h generic, "
             "device profile; vendor's bytes 40 00 00 00 00, 2320h encoder)."
         )
         assert wire.slave.state in SAFE
