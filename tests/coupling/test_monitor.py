@@ -11,7 +11,7 @@ from tests.every_case import every_case
 from twin.coupling import Connection, CoupledSystem
 from twin.coupling.execution import finite_value_monitor, loop
 from twin.coupling.execution.finite_value_monitor import (
-    LINE,
+    LINE_NOTE,
     REMEDY,
     FiniteValueMonitor,
     finite_value,
@@ -99,7 +99,7 @@ def test_the_source_is_the_first_member_with_finite_inputs(changes, bad, source)
 
 
 def good(text):
-    return f"{text}, with finite inputs. {LINE}{REMEDY}"
+    return f"{text}, with finite inputs. {LINE_NOTE}{REMEDY}"
 
 
 @every_case(
