@@ -63,10 +63,10 @@ export default {
               @pointerup="pull(one)" @pointercancel="pull(one)" @lostpointercapture="pull(one)">{{ one.kind === "hold" ? "+" : "press" }}</button>
     </div>
     <p v-if="!controls.length && !over" class="twin-soft">No joystick or buttons are defined for this scenario. Change parameters below, or add a <code>console:</code> section.</p>
-    <p v-else class="twin-soft" :class="{ 'twin-warn': stopped }" role="status">{{ over ? "The session is over: controls have no effect." : stopped ? "Stopped by the dead-man switch: this page answered too late, or the computer is overloaded. Release the control and hold it again." : !operator ? "This page only watches." : paused ? "Paused: press Run, then hold a control." : "Motion lasts while you hold a control." }} <span v-if="pad">{{ pad }}</span></p>
+    <p v-else class="twin-soft" :class="{ 'twin-warn': stopped }" role="status">{{ over ? "The session is over: controls have no effect." : stopped ? "Stopped by the dead-man switch: this page answered too late. Release and hold again." : !operator ? watching : paused ? "Paused: press Run, then hold a control." : "Motion lasts while you hold a control." }} <span v-if="pad">{{ pad }}</span></p>
   </div>`,
   props: { controls: Array, session: Boolean },
-  data: () => ({ operator: false, over: false, paused: false, held: {}, deflections: {}, dropped: 0, pad: "" }),
+  data: () => ({ operator: false, watching: "Connecting ...", over: false, paused: false, held: {}, deflections: {}, dropped: 0, pad: "" }),
   computed: {
     stopped() { return this.dropped > DROPPED; },
     sticks() {
@@ -97,10 +97,16 @@ export default {
   },
   methods: {
     update(state) {
-      if (state.lost) { this.operator = false; this.hands.releaseAll(); return; }
+      if (state.lost) {
+        this.operator = false;
+        this.watching = `${state.silent ? "No answer from the server" : "No connection to the server"}: controls have no effect.`;
+        this.hands.releaseAll();
+        return;
+      }
       if (state.refused) return;
       this.over = this.session && ["finishing", "stopped", "failed"].includes(state.phase);
-      this.operator = state.operator && !this.over;
+      this.operator = Boolean(state.operator) && !this.over;
+      this.watching = state.operator === null ? "No page operates: choose “operate here” in the menu at the top." : "This page only watches: another page operates.";
       this.paused = state.phase === "paused";
       const held = JSON.stringify(state.held || {});
       if (held !== this.heldText) { this.heldText = held; this.held = state.held || {}; }
@@ -122,7 +128,7 @@ export default {
     // called on every tick: a stick that springs back is a dead-man switch by itself
     gamepad() {
       const pad = [...(navigator.getGamepads?.() || [])].find(Boolean);
-      this.pad = pad ? `Gamepad: ${pad.id.slice(0, 40)}` : "";
+      this.pad = pad ? `Gamepad: ${pad.id.replace(/ *\(.*/, "").slice(0, 40)}.` : "";
       for (const one of this.controls) {
         const axis = pad && one.axis !== null ? (pad.axes[one.axis] || 0) * (one.reverse ? -1 : 1) : 0;
         const [up, down] = one.buttons.map((button) => button !== null && button >= 0 && pad?.buttons[button]?.pressed);
