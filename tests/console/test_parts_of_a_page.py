@@ -352,7 +352,11 @@ def test_slow_judgments_leave_the_server_to_the_joysticks(setting, monkeypatch):
     ("changes", "controls", "shown"),
     [
         ({"time": 9.9}, (), []),
-        ({"time": 10.0}, (), ["The scenario has reached its end, 10 s.", "change and compare"]),
+        (
+            {"time": 10.0},
+            (),
+            ["The scenario has reached its end, 10 s. Run continues beyond it.", "change and compare"],
+        ),
         ({"time": 10.0}, ("hand",), []),
         ({"time": 10.0, "phase": "running"}, (), []),
         ({"phase": "stopped"}, (), ["The session is over.", "again", "another scenario"]),
@@ -461,8 +465,9 @@ def test_the_last_target_is_announced_and_a_session_that_ended_early_has_not_pas
     assert one.page.shown() == ["All 1 targets reached in 1.0 s, path length 10 mm", "end: replay and report", "again"]
     (row,) = [row for row in one.page.elements(ui.row) if "twin-over" in row.classes]
     assert "twin-notice" in row.classes
-    one.page.press("end: replay and report")
-    one.page.press("again")
+    for text in ("end: replay and report", "again"):
+        one.page.press(text)
+        assert not one.page.named(text).enabled  # for the second click of a double click
     assert one.calls == [("console", "stop"), ("live", "reset")]
     reason = "a, seed 1: ended early, at 1 s: the operator ended it before the end of the scenario, 10 s."
     (tmp_path / "summary.json").write_text(json.dumps({"status": "interrupted", "reason": reason}))

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 from twin.console.targets import Score, first_command, score, text
 from twin.console.websocket import plain
 from twin.errors import ScenarioError
+from twin.live import ExecutedCommand
 from twin.run import resolve_catalogs
 from twin.scenario import parse_scenario, resolve_targets, resolve_warning
 
@@ -44,12 +45,24 @@ def test_a_single_number_is_a_signal_too():
 
 
 def test_the_first_command_moves_an_input_with_a_control():
-    """A changed parameter does not start the time; without controls it starts with the session."""
-    control = SimpleNamespace(input="command.speed[1]", along=("command.pressed",))
-    done = [SimpleNamespace(time=1.0, text="set wall.stiffness = 2 N/m")]
+    """Neither a changed parameter nor a hold while paused starts the time; without controls it starts with the session."""
+
+    def command(time, text, name="command.speed[1]"):
+        return ExecutedCommand(0, time, "set", f"set {name} = {text}", "")
+
+    control = SimpleNamespace(
+        input="command.speed[1]",
+        label="catheter",
+        along=("command.pressed",),
+        display_unit="mm/s",
+        factor=1e3,
+        offset=0.0,
+        rest=0.0,
+    )
+    done = [command(0.0, "2 N/m", "wall.stiffness"), command(0.5, "40 mm/s"), command(0.5, "0 mm/s")]
     live = SimpleNamespace(catalog=SimpleNamespace(controls=(control,), start=0.25), done=done)
     assert first_command(live) is None
-    done += [SimpleNamespace(time=time, text="set command.pressed = true") for time in (2.0, 3.0)]
+    done += [command(2.0, "true", "command.pressed"), command(2.0, "40 mm/s"), command(3.0, "0 mm/s")]
     assert first_command(live) == 2.0
     live.catalog.controls = ()
     assert first_command(live) == 0.25

@@ -160,6 +160,7 @@ def number_field(
             field.set_value(applied[0])  # the message of the refusal is shown by `run`
 
     field.on("keydown.enter", apply_entry)
+    field.on("keydown.escape", lambda: field.set_value(applied[0]))
     field.on("blur", lambda: apply_entry() if field.value != applied[0] else None)
     if name == signal.name and low is not None and high is not None and high > low:
         begin, end = low, high

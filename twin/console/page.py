@@ -38,7 +38,7 @@ RATES = {
     2.0: "2 times",
     5.0: "5 times",
     10.0: "10 times",
-    math.inf: "as fast as possible",
+    math.inf: "fastest",
 }
 REFRESH_PERIOD = 0.2  # period of updates of a page [s]
 TITLE = "Catheter twin"
@@ -280,7 +280,6 @@ def _bar(context: PageContext) -> None:
             with steps:
                 _steps(context, live, catalog)
         ui.html('<span id="twin-how" class="twin-figures" role="status"></span>', sanitize=False).classes("twin-how")
-    ui.html('<span id="twin-message" role="status"></span>', sanitize=False)
 
     def update() -> None:
         goes = live.state.phase == "running"
@@ -292,6 +291,7 @@ def _bar(context: PageContext) -> None:
     update()
     ui.timer(REFRESH_PERIOD, update)
     summary.banner(context)
+    ui.html('<span id="twin-message" role="status"></span>', sanitize=False)
 
 
 def _steps(context: PageContext, live: LiveSession, catalog: Catalog) -> None:

@@ -209,7 +209,9 @@ def banner(context: PageContext) -> None:
         complete = goes_on and score is not None and len(score.reached) == len(catalog.targets["points"])
         kind = state.phase if state.phase in OVER else "reached" if reached else "targets" if complete else ""
         over.visible = bool(kind)
-        over.classes(add="twin-notice" if goes_on else "", remove="" if goes_on else "twin-notice")
+        over.props(f"data-kind={kind}").classes(
+            add="twin-notice" if goes_on else "", remove="" if goes_on else "twin-notice"
+        )
         if kind == shown[0]:
             return
         shown[0] = kind
@@ -234,13 +236,18 @@ def fill(context: PageContext, kind: str) -> None:
     texts = {
         "stopped": "The session is over.",
         "failed": f"Failed: {state.message}",
-        "reached": f"The scenario has reached its end, {state.time:g} s.",
+        "reached": f"The scenario has reached its end, {state.time:g} s. Run continues beyond it.",
         "targets": targets.session_text(context.score, live.catalog) if context.score and live.catalog else "",
     }
     ui.label(texts.get(kind, "")).classes("twin-h")
 
     def button(text: str, action: Callable[..., Any], *arguments: Any) -> None:
-        ui.button(text, on_click=context.on_press(lambda: action, *arguments)).props("dense no-caps outline")
+        async def press_once() -> None:
+            made.disable()  # a second click of a double click would reach the next session
+            if not await context.run(action, *arguments):
+                made.enable()
+
+        made = ui.button(text, on_click=press_once).props("dense no-caps outline")
 
     if kind == "reached":
         button("change and compare", live.reset)

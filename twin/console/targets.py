@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from nicegui import run as nicegui_run
 from nicegui import ui
 
+from twin.console.operator_panel import HELD, RELEASED, condense
 from twin.console.verdicts import warning_rows
 from twin.live import RefusedError
 
@@ -60,16 +62,21 @@ def score(
 
 
 def first_command(live: LiveSession) -> float | None:
-    """Return the time of the first command, of the operator or the scenario, to an input with a control [s]; None before it.
+    """Return the time at which an input with a control first moves, by the operator or the scenario [s]; None before it.
 
-    A scenario without controls begins at its start.
+    What was released at the same instant, while the session was paused, does not count. Without controls: the start.
     """
     assert live.catalog is not None
-    inputs = {name for control in live.catalog.controls for name in (control.input, *control.along)}
-    if not inputs:
+    controls = {control.input: control for control in live.catalog.controls}
+    if not controls:
         return live.catalog.start
-    names = ((command.time, command.text.removeprefix("set ").partition(" = ")[0]) for command in live.done)
-    return next((time for time, name in names if name in inputs), None)
+    done = condense(live.done, controls)
+    for index, command in enumerate(done):
+        label, is_held, _ = command.text.partition(HELD)
+        following = (later.time for later in done[index + 1 :] if later.text.startswith(f"{label}{RELEASED}"))
+        if is_held and next(following, math.inf) > command.time:
+            return command.time
+    return None
 
 
 def text(now: Score, targets: Mapping[str, Any], factor: float, unit: str, label: str = "") -> str:

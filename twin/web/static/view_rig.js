@@ -76,8 +76,8 @@ export function rig(place, view) {
     set(tip, { d: out ? `M${END} ${OUT} C${END + (x - END) / 3} ${OUT} ${END + (x - END) / 2} ${OUT - bow} ${x} ${OUT}` : "" });
     set(end, { cx: x, cy: OUT, visibility: out ? "visible" : "hidden" });
     // without a sheath the depth counts from the entry, as the vessel's picture and charts do; else from the start, as charts of the tip do
-    const fromEntry = !wallPart && depth !== undefined && whole === 0;
-    say(state, fromEntry ? `${millimeters(depth)} mm from the entry` : `${wallPart ? "tip at" : "inserted"} ${millimeters(place)} mm${wallPart ? "" : " since the start"}`);
+    const fromEntry = depth !== undefined && whole === 0;
+    say(state, wallPart ? `tip at ${millimeters(place)} mm` : `${millimeters(fromEntry ? depth : place)} mm from the ${fromEntry ? "entry" : "start"}`);
   };
 }
 
