@@ -220,7 +220,7 @@ def test_a_page_without_its_server_says_what_stop_does_not_reach(tmp_path, build
     with console(CARRIAGE, "--variant", "quiet", "--hardware", bench, runs=tmp_path, build=build) as served:
         page = browser.new_page()
         page.goto(f"http://{served.host}/{path}?token={served.token}", wait_until="commit")
-        page.wait_for_selector("text=operates", timeout=60_000)
+        page.wait_for_selector("text=you operate", timeout=60_000)
         warning = page.locator(".twin-disconnected")
         served.process.send_signal(signal.SIGSTOP)
         warning.wait_for(timeout=20_000)

@@ -218,7 +218,7 @@ def test_another_page_watches(page, served, browser):  # noqa: F811
     other = context.new_page()
     other.goto(served.address, wait_until="commit")
     other.wait_for_selector(".twin-chart canvas", timeout=60_000)
-    other.wait_for_selector("text=watches")
+    other.wait_for_selector("text=you watch")
     press(other, "run")
     other.wait_for_selector("text=This page only watches")
     assert page.text_content("#twin-how").startswith("paused")

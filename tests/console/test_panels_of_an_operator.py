@@ -97,6 +97,8 @@ def test_a_number_that_is_refused_stays_as_it_was_entered(setting, value, why):
         one.page.send(field, event)
     assert (field.value, field.error, one.calls) == (value, f"{why}; still 6", [])
     assert slider.value == 6.0  # what is in force
+    one.page.send(field, "keydown.escape")
+    assert (field.value, one.calls) == (6.0, [])
 
 
 def test_a_number_that_the_session_refuses_goes_back(setting):

@@ -180,12 +180,12 @@ def test_the_menu_of_operators(setting, monkeypatch):
     with one.page:
         page._top(one.context)
     own = one.page.client.id
-    assert one.page.shown() == ["operates", "This is page 1."]
+    assert one.page.shown() == ["you operate", "This is page 1."]
     one.lock.enter("other")
-    assert one.page.shown() == ["operates", "This is page 1.", "hand over to page 2"]
+    assert one.page.shown() == ["you operate", "This is page 1.", "hand over to page 2"]
     one.page.press("hand over to page 2")
     assert (one.lock.operator, one.calls) == ("other", [("console", "release_hold")])
-    assert one.page.shown() == ["watches", "This is page 1.", "The operator can hand over to this page."]
+    assert one.page.shown() == ["you watch", "This is page 1.", "The operator can hand over to this page."]
     one.lock.leave("other")
     assert one.page.shown() == ["no operator", "This is page 1.", "operate here"]
     one.page.press("operate here")

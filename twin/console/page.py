@@ -172,7 +172,7 @@ def _top(context: PageContext, attends: bool = False) -> None:
     def show() -> None:
         lock = console.operator_lock
         own = lock.pages.get(context.client.id, "")
-        role_text = "operates" if context.is_operator() else "no operator" if lock.operator is None else "watches"
+        role_text = "you operate" if context.is_operator() else "no operator" if lock.operator is None else "you watch"
         role.text = role_text
         role.classes(remove="twin-operates").classes("twin-operates" if context.is_operator() else "")
         others.clear()
