@@ -231,5 +231,7 @@ def test_a_page_without_its_server_says_what_stop_does_not_reach(tmp_path, build
         served.process.kill()
         page.wait_for_selector("text=Connection lost: STOP does not reach the drives. Use the hardware emergency stop.")
         assert page.is_disabled("#twin-stop")
+        if not path:
+            page.wait_for_selector("text=No connection to the server: controls have no effect.")
         assert page.eval_on_selector(".q-page-container", "one => getComputedStyle(one).pointerEvents") == "none"
         page.close()

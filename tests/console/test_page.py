@@ -152,6 +152,21 @@ def test_a_rig_without_a_sheath_counts_from_the_entry(page):
     assert texts == [["123.2 mm from the entry"], ["103.2 mm from the start"]]
 
 
+def test_keys_move_a_control_after_a_choice_in_a_list(page):
+    """The list keeps the focus; the arrow keys changed it instead. While it is open they choose."""
+    page.locator(".twin-rate input").focus()
+    page.keyboard.down("ArrowUp")
+    page.wait_for_function("document.querySelector('.twin-control b').textContent.startsWith('20 ')")
+    page.keyboard.up("ArrowUp")
+    page.wait_for_function("document.querySelector('.twin-control b').textContent.startsWith('0 ')")
+    assert page.locator(".q-menu").count() == 0
+    page.click(".twin-rate")
+    page.wait_for_selector(".twin-rate input[aria-expanded=true]")
+    page.keyboard.press("ArrowUp")
+    assert page.evaluate("[...twinHands.held.values()].every((sources) => !sources.size)")
+    page.keyboard.press("Escape")
+
+
 def test_texts_that_change_move_no_button(page):
     """Requirements that are not met, messages, and a status with a late loop."""
     boxes = """[...document.querySelectorAll("button, .twin-stick, .q-select, .q-expansion-item")].filter((one) => one.offsetParent)

@@ -154,6 +154,7 @@ def number_field(
         wanted = (value - signal.offset) / signal.factor
         if await context.run(live.set, name, round(wanted) if signal.type.lstrip("U").startswith("Int") else wanted):
             applied[0] = value
+            field.run_method("blur")  # keys move controls again
             field.props("bg-color=positive")
             ui.timer(0.6, lambda: field.props(remove="bg-color"), once=True)
         else:

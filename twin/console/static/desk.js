@@ -5,6 +5,8 @@
 import { channel } from "/console/channel.js";
 
 const DROPPED = 10;      // ticks after which a held control that moves nothing counts as stopped
+// where keys type; a closed list, which keeps the focus after a choice, is none of these
+const TYPED = "input:not(.q-select__focus-target), .q-select__focus-target[aria-expanded=true], textarea, select, [contenteditable]";
 const NEAR = 0.02;       // deflection of a gamepad below which it is at rest
 
 class HeldControls {
@@ -118,11 +120,12 @@ export default {
     },
     key(event, down) {
       if (event.code === "Escape") { this.hands.releaseAll(); return; }
-      if (down && (event.target.closest?.("input, textarea, select, [contenteditable]") || event.ctrlKey || event.altKey || event.metaKey)) return;
+      if (down && (event.target.closest?.(TYPED) || event.ctrlKey || event.altKey || event.metaKey)) return;
       for (const one of this.controls) {
         const way = one.keys.indexOf(event.code);
         if (way < 0) continue;
         event.preventDefault();
+        event.stopPropagation();  // a slider or a closed list that was used before would change as well
         if (!event.repeat) this.hands.move(one.name, event.code, down ? (way === 0 ? 1 : -1) : 0);
       }
     },
