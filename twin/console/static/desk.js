@@ -65,7 +65,7 @@ export default {
               @pointerup="pull(one)" @pointercancel="pull(one)" @lostpointercapture="pull(one)">{{ one.kind === "hold" ? "+" : "press" }}</button>
     </div>
     <p v-if="!controls.length && !over" class="twin-soft">No joystick or buttons are defined for this scenario. Change parameters below, or add a <code>console:</code> section.</p>
-    <p v-else class="twin-soft" :class="{ 'twin-warn': stopped }" role="status">{{ over ? "The session is over" + (controls.length ? ": controls have no effect." : ".") : stopped ? "Stopped by the dead-man switch: this page answered too late. Release and hold again." : !operator ? watching : paused ? "Paused: press Run, then hold a control." : "Motion lasts while you hold a control." }}</p>
+    <p v-else :class="stopped ? 'twin-warn' : 'twin-soft'" role="status">{{ over ? "The session is over" + (controls.length ? ": controls have no effect." : ".") : stopped ? "Stopped by the dead-man switch: this page answered too late. Release and hold again." : !operator ? watching : paused ? "Paused: press Run, then hold a control." : "Motion lasts while you hold a control." }}</p>
     <p v-if="pad && !over" class="twin-soft">{{ pad }}</p>
   </div>`,
   props: { controls: Array, session: Boolean },
