@@ -193,8 +193,8 @@ class Session:
         time = clock.seconds(self.simulated.time)
         if time >= end:
             return "", False
-        who = "its console was closed" if self.gone else "the operator ended it"
-        return f"ended early, at {time:g} s: {who} before the end {what}, {end:g} s.", not executor.catalog.controls
+        cause = "its console was closed" if self.gone else "the operator ended it"
+        return f"ended early, at {time:g} s: {cause} before the end {what}, {end:g} s.", not executor.catalog.controls
 
     def begin_pace(self) -> None:
         """Restart the schedule at the current time."""
