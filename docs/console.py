@@ -66,7 +66,7 @@ def running(page: Page, shot: Shot) -> None:
 
 def jogged(page: Page) -> None:
     """The page of commissioning while a button is held."""
-    page.wait_for_selector("text=operates")
+    page.wait_for_selector("text=you operate")
     page.get_by_text("commissioned before").click()
     page.locator(".q-stepper__tab", has=page.get_by_text("status", exact=True)).first.click()
     page.get_by_role("button", name="status").first.click()

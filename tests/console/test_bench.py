@@ -44,7 +44,7 @@ def page(served, browser):  # noqa: F811
     one.on("pageerror", lambda error: one.wrong.append(str(error)))
     one.on("console", lambda said: one.wrong.append(said.text) if said.type == "error" else None)
     one.goto(served.address, wait_until="commit")
-    one.wait_for_selector("text=operates")
+    one.wait_for_selector("text=you operate")
     one.get_by_text("commissioned before").click()  # each test begins with the step that it is about
     yield one
     context.close()
@@ -208,7 +208,7 @@ def test_a_move_that_no_page_shows_any_more_ends(drive, page):
 def test_another_page_watches_it(drive, served, page, browser):  # noqa: F811
     other = browser.new_context().new_page()
     other.goto(served.address, wait_until="commit")
-    other.wait_for_selector("text=watches")
+    other.wait_for_selector("text=you watch")
     other.get_by_role("button", name="scan").click()
     other.wait_for_selector("text=This page only watches")
     jogs(page)

@@ -220,7 +220,7 @@ def test_a_page_without_its_server_says_what_stop_does_not_reach(tmp_path, build
     with console(CARRIAGE, "--variant", "quiet", "--hardware", bench, runs=tmp_path, build=build) as served:
         page = browser.new_page()
         page.goto(f"http://{served.host}/{path}?token={served.token}", wait_until="commit")
-        page.wait_for_selector("text=operates", timeout=60_000)
+        page.wait_for_selector("text=you operate", timeout=60_000)
         warning = page.locator(".twin-disconnected")
         served.process.send_signal(signal.SIGSTOP)
         warning.wait_for(timeout=20_000)
@@ -231,5 +231,7 @@ def test_a_page_without_its_server_says_what_stop_does_not_reach(tmp_path, build
         served.process.kill()
         page.wait_for_selector("text=Connection lost: STOP does not reach the drives. Use the hardware emergency stop.")
         assert page.is_disabled("#twin-stop")
+        if not path:
+            page.wait_for_selector("text=No connection to the server: controls have no effect.")
         assert page.eval_on_selector(".q-page-container", "one => getComputedStyle(one).pointerEvents") == "none"
         page.close()

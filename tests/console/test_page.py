@@ -121,18 +121,72 @@ def test_figures_of_two_carriages_do_not_cover_each_other(page):
           const place = document.body.appendChild(document.createElement("div"));
           drawViews(place, [{ view: "rig", title: "", band: [0.1, 0.4], parts: [carriage("a"), carriage("b"), instrument] }])(
             { "a.position": 0.025, "a.velocity": 0.1, "b.position": -0.025, "b.velocity": -0.1004, tip: 0.1032 });
-          const texts = [...place.querySelectorAll("text")].filter((text) => /mm.s|inserted/.test(text.textContent));
+          const texts = [...place.querySelectorAll("text")].filter((text) => /mm.s|from/.test(text.textContent));
           texts.forEach((text) => (text.style.fontSize = "30px"));
           const boxes = texts.map((text) => text.getBBox()).map(({ x, width }) => [x, x + width]);
           place.remove();
           return [texts.map((text) => text.textContent), boxes];
         }"""
     )
-    assert sorted(figures) == ["-100.4 mm/s", "100.0 mm/s", "inserted 103.2 mm"]
+    assert sorted(figures) == ["-100.4 mm/s", "100.0 mm/s", "103.2 mm from the start"]
     boxes.sort()
     assert all(left[1] < right[0] for left, right in itertools.pairwise(boxes))
     assert boxes[0][0] >= 0
     assert boxes[-1][1] <= 1000
+
+
+def test_a_rig_without_a_sheath_counts_from_the_entry(page):
+    """As picture and charts of the vessel do; else from the start, and it says so."""
+    texts = page.evaluate(
+        """async () => {
+          const { drawViews } = await import("/web/views.js");
+          const told = (sizes) => {
+            const instrument = { kind: "instrument", signals: { tip_position: "tip", insertion_depth: "depth" }, sizes };
+            const place = document.createElement("div");
+            drawViews(place, [{ view: "rig", title: "", band: [0.1, 0.4], parts: [instrument] }])({ tip: 0.1032, depth: 0.1232 });
+            return [...place.querySelectorAll("text")].map((text) => text.textContent).filter((text) => text.includes("from"));
+          };
+          return [told({ section_length: [0, 0, 0] }), told({ section_length: [0.3, 0.1, 0.1] })];
+        }"""
+    )
+    assert texts == [["123.2 mm from the entry"], ["103.2 mm from the start"]]
+
+
+def test_keys_move_a_control_after_a_choice_in_a_list(page):
+    """The list keeps the focus; the arrow keys changed it instead. While it is open they choose."""
+    page.locator(".twin-rate input").focus()
+    page.keyboard.down("ArrowUp")
+    page.wait_for_function("document.querySelector('.twin-control b').textContent.startsWith('20 ')")
+    page.keyboard.up("ArrowUp")
+    page.wait_for_function("document.querySelector('.twin-control b').textContent.startsWith('0 ')")
+    assert page.locator(".q-menu").count() == 0
+    page.click(".twin-rate")
+    page.wait_for_selector(".twin-rate input[aria-expanded=true]")
+    page.keyboard.press("ArrowUp")
+    assert page.evaluate("[...twinHands.held.values()].every((sources) => !sources.size)")
+    page.keyboard.press("Escape")
+
+
+def test_texts_that_change_move_no_button(page):
+    """Requirements that are not met, messages, and a status with a late loop."""
+    boxes = """[...document.querySelectorAll("button, .twin-stick, .q-select, .q-expansion-item")].filter((one) => one.offsetParent)
+        .map((one) => [one.textContent, ...["x", "y", "width"].map((key) => Math.round(one.getBoundingClientRect()[key]))])"""
+    before = page.evaluate(boxes)
+    page.evaluate(
+        """() => {
+          const long = "the catheter is never ahead of the wire; ".repeat(9);
+          document.querySelector("#twin-message").textContent = long;
+          document.querySelector("#twin-how").textContent = "running · 1234.5 s · 0.99 x real time, 0.25 s behind";
+          document.querySelector(".twin-hands p[role=status]").textContent = "Stopped by the dead-man switch: this page answered too late. Release and hold again.";
+          const alert = document.querySelector(".twin-alert .twin-warning");
+          alert.textContent = long;
+          alert.classList.remove("hidden");
+        }"""
+    )
+    after = page.evaluate(boxes)
+    page.reload()
+    said(page, "paused")
+    assert after == before
 
 
 def test_a_telephone_shows_picture_joysticks_curves_and_then_values(page):
@@ -179,7 +233,7 @@ def test_another_page_watches(page, served, browser):  # noqa: F811
     other = context.new_page()
     other.goto(served.address, wait_until="commit")
     other.wait_for_selector(".twin-chart canvas", timeout=60_000)
-    other.wait_for_selector("text=watches")
+    other.wait_for_selector("text=you watch")
     press(other, "run")
     other.wait_for_selector("text=This page only watches")
     assert page.text_content("#twin-how").startswith("paused")

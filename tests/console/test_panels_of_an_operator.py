@@ -12,7 +12,7 @@ from tests.console.page_without_a_server import Page
 from tests.console.without_a_process import Recorder
 from twin.console import operator_panel, safety, targets
 from twin.console.operator_panel import MAX_MATCHES
-from twin.console.page import NOT_OPERATOR, PageContext
+from twin.console.page import NO_OPERATOR, PageContext
 from twin.console.session import Host
 from twin.errors import TwinError
 from twin.live import ExecutedCommand, RefusedError
@@ -32,7 +32,15 @@ class Setting:
     def __init__(self, monkeypatch, *signals, **catalog):
         self.calls = []
         self.state = SimpleNamespace(phase="paused", values={}, overridden={}, time=0.0, epoch=1, hardware=None)
-        defaults = {"controls": (), "events": (), "parameters": {}, "scenario": "rig", "targets": None, "warnings": ()}
+        defaults = {
+            "controls": (),
+            "start": 0.0,
+            "events": (),
+            "parameters": {},
+            "scenario": "rig",
+            "targets": None,
+            "warnings": (),
+        }
         self.catalog = SimpleNamespace(signals={one.name: one for one in signals}, **defaults | catalog)
         values = {"state": self.state, "catalog": self.catalog, "done": []}
         self.live = Recorder("live", self.calls, values)
@@ -89,6 +97,8 @@ def test_a_number_that_is_refused_stays_as_it_was_entered(setting, value, why):
         one.page.send(field, event)
     assert (field.value, field.error, one.calls) == (value, f"{why}; still 6", [])
     assert slider.value == 6.0  # what is in force
+    one.page.send(field, "keydown.escape")
+    assert (field.value, one.calls) == (6.0, [])
 
 
 def test_a_number_that_the_session_refuses_goes_back(setting):
@@ -188,7 +198,7 @@ def test_only_the_operator_sets_values_and_a_refusal_is_shown(setting):
     one.page.change(switch, False)
     one.console.operator_lock.leave(one.page.client.id)
     one.page.change(switch, True)
-    assert (one.calls, one.page.notes) == ([], ["not while it moves.", NOT_OPERATOR])
+    assert (one.calls, one.page.notes) == ([], ["not while it moves.", NO_OPERATOR])
 
 
 def named_rows(page):
@@ -369,10 +379,10 @@ def test_the_score_follows_the_signal(setting):
     marked, rows = [], SimpleNamespace(time=np.array([0.0, 1.0, 2.0]), values={"a.tip[1]": [0.0, 1.0, 2.0]})
     with one.page:
         targets.panel(one.context, SimpleNamespace(show_reached=marked.append))
-    assert one.page.shown() == ["Tip: 0 of 2 targets, next: A"]
+    assert one.page.shown() == ["Tip: 0 of 2 targets, next: A; time starts with your first command"]
     one.live.values["read"] = lambda names: rows if names == ["a.tip[1]"] else None
     one.page.tick()
-    line = "Tip: 1 of 2 targets, next: B; 1.0 s, path length 2000 mm"
+    line = "Tip: 1 of 2 targets, next: B; 2.0 s, path length 2000 mm"
     assert (one.page.shown(), marked) == ([line], [["A"]])
 
     def refuse(_):

@@ -3,6 +3,7 @@
 Over 400 lines: the parts share one page without a server.
 """
 
+import json
 import math
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,8 +17,8 @@ from nicegui import ui
 
 from tests.console.page_without_a_server import Page
 from tests.console.without_a_process import Recorder
-from twin.console import page, start_page, summary
-from twin.console.page import NOT_OPERATOR, PageContext
+from twin.console import page, start_page, summary, targets
+from twin.console.page import NO_OPERATOR, NOT_OPERATOR, PageContext
 from twin.console.session import Host
 from twin.console.verdicts import Row, headline
 from twin.errors import TwinError
@@ -42,6 +43,7 @@ class Setting:
             "stop": 10.0,
             "controls": (),
             "scenes": (),
+            "start": 0.0,
             "targets": {},
             "warnings": (),
             "fastest_rate": math.inf,
@@ -164,8 +166,10 @@ def test_a_command_says_whether_it_was_executed(setting):
     one.page.run(lambda: run(one.live.pace, 2.0), lambda: run(refuse))
     one.lock.leave(one.page.client.id)
     one.page.run(lambda: run(one.live.pace, 3.0))
-    assert (results, one.calls) == ([True, False, False], [("live", "pace", 2.0)])
-    assert one.page.notes == ["not now.", NOT_OPERATOR]
+    one.lock.operator = "other"
+    one.page.run(lambda: run(one.live.pace, 3.0))
+    assert (results, one.calls) == ([True, False, False, False], [("live", "pace", 2.0)])
+    assert one.page.notes == ["not now.", NO_OPERATOR, NOT_OPERATOR]
 
 
 def test_the_menu_of_operators(setting, monkeypatch):
@@ -176,12 +180,12 @@ def test_the_menu_of_operators(setting, monkeypatch):
     with one.page:
         page._top(one.context)
     own = one.page.client.id
-    assert one.page.shown() == ["operates", "This is page 1."]
+    assert one.page.shown() == ["you operate", "This is page 1."]
     one.lock.enter("other")
-    assert one.page.shown() == ["operates", "This is page 1.", "hand over to page 2"]
+    assert one.page.shown() == ["you operate", "This is page 1.", "hand over to page 2"]
     one.page.press("hand over to page 2")
     assert (one.lock.operator, one.calls) == ("other", [("console", "release_hold")])
-    assert one.page.shown() == ["watches", "This is page 1.", "The operator can hand over to this page."]
+    assert one.page.shown() == ["you watch", "This is page 1.", "The operator can hand over to this page."]
     one.lock.leave("other")
     assert one.page.shown() == ["no operator", "This is page 1.", "operate here"]
     one.page.press("operate here")
@@ -348,7 +352,11 @@ def test_slow_judgments_leave_the_server_to_the_joysticks(setting, monkeypatch):
     ("changes", "controls", "shown"),
     [
         ({"time": 9.9}, (), []),
-        ({"time": 10.0}, (), ["The scenario has reached its end, 10 s.", "change and compare"]),
+        (
+            {"time": 10.0},
+            (),
+            ["The scenario has reached its end, 10 s. Run continues beyond it.", "change and compare"],
+        ),
         ({"time": 10.0}, ("hand",), []),
         ({"time": 10.0, "phase": "running"}, (), []),
         ({"phase": "stopped"}, (), ["The session is over.", "again", "another scenario"]),
@@ -432,11 +440,45 @@ def test_the_result_of_a_session_counts_safety(setting, force, bent, goal, verdi
     count = sum(value > 2.0 for value in force)
     loud = f"{f'for {0.5 * count:.1f} s' if count else 'never'}; at most {max(force):.4g} N, limit 2 N"
     state = (
-        "All 1 targets reached in 0.5 s, path length 10 mm" if goal == 0.01 else "0 of 1 targets, next: near; 0.5 s, "
+        "All 1 targets reached in 1.0 s, path length 10 mm" if goal == 0.01 else "0 of 1 targets, next: near; 1.0 s, "
     )
+    buckles = ["Warning: it buckles", "for 0.5 s"] if bent else ["No warning: it buckles", "never"]
     assert card[0] == kind
     assert card[1].startswith(state)
-    assert card[2:] == [*rows, "Warning: high force", loud, "Warning: it buckles", "for 0.5 s" if bent else "never"]
+    assert card[2:] == [*rows, f"{'W' if count else 'No w'}arning: high force", loud, *buckles]
+
+
+def test_the_last_target_is_announced_and_a_session_that_ended_early_has_not_passed(setting, tmp_path):
+    """With the next steps, without moving what is below; the folder says why a session ended early."""
+    one = setting(targets=GOALS)
+    one.catalog.signals = {"tip.x": TIP}
+    one.live.values["read"] = lambda _: SimpleNamespace(
+        time=np.array([0.0, 1.0]), values={"tip.x": np.array([0.0, 0.01])}
+    )
+    one.state.phase, one.context.score = "running", targets.Score({})
+    with one.page:
+        summary.banner(one.context)
+    one.page.tick()
+    assert one.page.shown() == []
+    one.context.score = targets.session_score(one.live)
+    one.page.tick()
+    assert one.page.shown() == ["All 1 targets reached in 1.0 s, path length 10 mm", "end: replay and report", "again"]
+    (row,) = [row for row in one.page.elements(ui.row) if "twin-over" in row.classes]
+    assert "twin-notice" in row.classes
+    for text in ("end: replay and report", "again"):
+        one.page.press(text)
+        assert not one.page.named(text).enabled  # for the second click of a double click
+    assert one.calls == [("console", "stop"), ("live", "reset")]
+    reason = "a, seed 1: ended early, at 1 s: the operator ended it before the end of the scenario, 10 s."
+    (tmp_path / "summary.json").write_text(json.dumps({"status": "interrupted", "reason": reason}))
+    (tmp_path / "report.html").touch()
+    one.context.verdicts = SimpleNamespace(rows=lambda: [Row("pass", "near", "3 mm")])
+    one.state.phase, one.state.folder = "stopped", str(tmp_path)
+    one.page.tick()
+    shown = one.page.shown()
+    assert "twin-notice" not in row.classes
+    assert "report" in shown
+    assert shown[-3:] == ["Ended early", "All 1 targets reached in 1.0 s, path length 10 mm", reason]
 
 
 def test_the_result_counts_what_the_list_counts(setting):

@@ -51,8 +51,8 @@ def verdicts(tmp_path):
 @pytest.mark.parametrize(
     ("end", "told"),
     [
-        (0.05, {"always": "pass", "soon": "waiting", "a metric": "waiting"}),
-        (0.15, {"always": "pass", "soon": "pass", "a metric": "waiting"}),
+        (0.05, {"always": "pass", "soon": "waiting", "a metric": "waiting", "late": ""}),
+        (0.15, {"always": "pass", "soon": "pass", "a metric": "waiting", "late": ""}),
         (0.25, {"always": "pass", "soon": "pass", "a metric": "waiting", "late": ""}),  # it may still come right
         (0.35, {"always": "pass", "soon": "fail", "a metric": "pass", "late": ""}),
         (0.5, {"always": "pass", "soon": "fail", "a metric": "pass", "late": ""}),
@@ -126,7 +126,10 @@ def test_what_can_be_judged(tmp_path, by_operator, verdicts):
     own, _ = [row for row in found_rows if row.is_metric]
     assert own.detail == "2 mm; reference 2 mm"
     live.read = lambda *_: SimpleNamespace(time=time[:0], values={"heart.position": np.zeros(0)})
-    assert found.rows() is not None
+    begun = found.rows()  # all are listed from the start, so that the list does not grow under the pointer
+    assert [row.name for row in begun] == [row.name for row in found_rows]
+    assert {row.detail for row in begun if not row.is_metric and row.verdict == "waiting"} == {"judged from 0 s"}
+    assert begun[-1].detail == "from 0 s"
 
 
 @every_case(

@@ -103,7 +103,7 @@ def test_a_page_that_the_server_drops_operates_no_longer(serve, monkeypatch):
     socket.send_text = send_text
     serve(console, socket, pages=pages)
     assert [tick["dropped"] for tick in socket.sent][:2] == [False, True]
-    assert [tick["operator"] for tick in socket.sent][:2] == [True, False]
+    assert [tick["operator"] for tick in socket.sent][:2] == [True, None]
     assert calls == ["release", ("stop", None)]
 
 
@@ -163,7 +163,7 @@ def test_a_session_begins_after_the_one_before(monkeypatch):
     one.begin(Path("x.yaml"), "PI", 3)
     assert calls == [("live", "stop"), ("live", "close")]
     options = {"overrides": ("a=1",), "rate": 2.0, "hardware": Path("b.yaml"), "arm": True, "runs": Path("r")}
-    options |= {"build": Path("b"), "backend": "compiled", "wait": False, "variant": "PI", "seed": 3}
+    options |= {"build": Path("b"), "backend": "compiled", "report": True, "wait": False, "variant": "PI", "seed": 3}
     assert begun == [(Path("x.yaml"), options)]
     assert (one.live, one.scenario, one.variant, one.seed) == ("new", Path("x.yaml"), "PI", 3)
     assert (one._source, one._stopping) == ("curves", None)

@@ -79,7 +79,7 @@ def test_a_scenario_pauses_at_its_end_and_the_next_run_is_compared(host):
     ]
     assert headline(rows, True) == "1 of 2 requirements failed."
     samples = host.live.read(["heart.position"])
-    assert list(score(samples.time, samples.values["heart.position"], catalog.targets).reached) == ["systole"]
+    assert list(score(samples.time, samples.values["heart.position"], catalog.targets, 0.0).reached) == ["systole"]
     seen = host.source.read("heart.position", 0.0, 0.5, 4000)[1]
     host.live.reset()
     assert host.source.previous_run.read("heart.position", 0.0, 0.5, 4000)[1].tolist() == seen.tolist()

@@ -7,9 +7,12 @@ from tests.every_case import every_case
 
 pytest.importorskip("nicegui")
 
-from twin.console.targets import Score, score, text
+from types import SimpleNamespace
+
+from twin.console.targets import Score, first_command, score, text
 from twin.console.websocket import plain
 from twin.errors import ScenarioError
+from twin.live import ExecutedCommand
 from twin.run import resolve_catalogs
 from twin.scenario import parse_scenario, resolve_targets, resolve_warning
 
@@ -17,23 +20,52 @@ TARGETS = {"signal": "tip.position", "tolerance": 1.0, "points": {"near": [3.0, 
 HEAD = "stop_time: 1 s\nmembers: {heart: {component: heart}, wall: {component: wall}}\nconsole: "
 
 
-def test_score_counts_from_the_first_motion():
+def test_score_counts_from_the_first_command():
+    """Also while nothing moves yet; not from the start of the session, and not beyond the last target."""
     time = np.arange(6.0)
     values = np.array([[0, 0], [0, 0], [1, 0], [2.5, 0], [2.5, 0], [2.5, 3.5]], float)
-    assert score(time[:2], values[:2], TARGETS) == Score({})
-    assert score(time[:5], values[:5], TARGETS) == Score({"near": 1.0}, 2.5, 2.0)
-    full = score(time, values, TARGETS)
-    assert full == Score({"near": 1.0, "far": 3.0}, 6.0, 3.0)
-    longer = score(np.arange(8.0), np.vstack([values, [[9, 9], [9, 9]]]), TARGETS)
+    assert score(time[:5], values[:5], TARGETS, None) == score(time[:1], values[:1], TARGETS, 0.0) == Score({})
+    assert score(time[:2], values[:2], TARGETS, 0.5) == Score({}, 0.0, 0.5)
+    assert score(time[:5], values[:5], TARGETS, 0.5) == Score({"near": 2.5}, 2.5, 3.5)
+    full = score(time, values, TARGETS, 0.5)
+    assert full == Score({"near": 2.5, "far": 4.5}, 6.0, 4.5)
+    longer = score(np.arange(8.0), np.vstack([values, [[9, 9], [9, 9]]]), TARGETS, 0.5)
     assert longer == full  # what comes after the last target does not count
-    assert text(full, TARGETS, 1e3, "mm") == "All 2 targets reached in 3.0 s, path length 6000 mm"
-    assert text(Score({}), TARGETS, 1e3, "mm") == "0 of 2 targets, next: near"
-    assert text(Score({}), TARGETS, 1e3, "mm", "catheter's tip") == "Catheter's tip: 0 of 2 targets, next: near"
+    assert text(full, TARGETS, 1e3, "mm") == "All 2 targets reached in 4.5 s, path length 6000 mm"
+    begin = "time starts with your first command"
+    assert text(Score({}), TARGETS, 1e3, "mm") == f"0 of 2 targets, next: near; {begin}"
+    assert (
+        text(Score({}), TARGETS, 1e3, "mm", "catheter's tip") == f"Catheter's tip: 0 of 2 targets, next: near; {begin}"
+    )
 
 
 def test_a_single_number_is_a_signal_too():
-    now = score(np.array([0.0, 1.0]), np.array([0.0, 2.0]), TARGETS | {"points": {"near": [2.0]}})
-    assert now == Score({"near": 0.0}, 2.0, 0.0)
+    now = score(np.array([0.0, 1.0]), np.array([0.0, 2.0]), TARGETS | {"points": {"near": [2.0]}}, 0.0)
+    assert now == Score({"near": 1.0}, 2.0, 1.0)
+
+
+def test_the_first_command_moves_an_input_with_a_control():
+    """Neither a changed parameter nor a hold while paused starts the time; without controls it starts with the session."""
+
+    def command(time, text, name="command.speed[1]"):
+        return ExecutedCommand(0, time, "set", f"set {name} = {text}", "")
+
+    control = SimpleNamespace(
+        input="command.speed[1]",
+        label="catheter",
+        along=("command.pressed",),
+        display_unit="mm/s",
+        factor=1e3,
+        offset=0.0,
+        rest=0.0,
+    )
+    done = [command(0.0, "2 N/m", "wall.stiffness"), command(0.5, "40 mm/s"), command(0.5, "0 mm/s")]
+    live = SimpleNamespace(catalog=SimpleNamespace(controls=(control,), start=0.25), done=done)
+    assert first_command(live) is None
+    done += [command(2.0, "true", "command.pressed"), command(2.0, "40 mm/s"), command(3.0, "0 mm/s")]
+    assert first_command(live) == 2.0
+    live.catalog.controls = ()
+    assert first_command(live) == 0.25
 
 
 def test_units():

@@ -24,6 +24,11 @@ from twin.errors import TwinError
 def parts(monkeypatch):
     """Replace the parts of a page by labels; panels of other packages are those of the list."""
     added = []
+
+    def picture(_, catalog, views):
+        ui.label(f"picture {views} {catalog.warnings}")
+        return SimpleNamespace(head=ui.row())
+
     monkeypatch.setattr(page, "panels", lambda: added)
     for module, name in (
         (page.start_page, "pick"),
@@ -40,7 +45,7 @@ def parts(monkeypatch):
     monkeypatch.setattr(page, "_top", lambda _, attends=False: ui.label(f"top {attends}"))
     monkeypatch.setattr(page, "Desk", lambda controls, session: ui.label(f"desk {controls}"))
     monkeypatch.setattr(page, "to_si", lambda catalog: catalog)
-    monkeypatch.setattr(page, "Pictures", lambda _, catalog, views: ui.label(f"picture {views} {catalog.warnings}"))
+    monkeypatch.setattr(page, "Pictures", picture)
     monkeypatch.setattr(page, "controls", lambda catalog: "controls")
 
     @contextmanager

@@ -1,8 +1,12 @@
 """Where blocks of a session end, and which runs follow another."""
 
+import json
 from types import SimpleNamespace
 
+import pytest
+
 from tests.every_case import every_case
+from tests.live.test_session import play
 from twin.live.session import Session
 from twin.live.worker import SessionProcess
 
@@ -108,3 +112,32 @@ def test_a_session_is_repeated_after_a_reset(monkeypatch, status, gone, again, w
     monkeypatch.setattr(process, "wait_for_reset", lambda: wait)
     process.run()
     assert len(made) == runs
+
+
+CONTROL = ", console: [{input: sensor.force, range: [0 N, 1 N]}]"
+EARLY = "ended early, at 0.005 s: the operator ended it before the end of"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("console", "steps", "reason", "complete"),
+    [
+        ("", 3, f"{EARLY} the scenario, 0.02 s.", False),
+        ("", 20, "", True),
+        (CONTROL, 3, f"{EARLY} what is required, 0.01 s.", True),
+        (CONTROL, 12, "", True),
+    ],
+)
+def test_a_session_that_ends_early_is_no_complete_run(tmp_path, console, steps, reason, complete):
+    """With controls it has no end of its own: then it is early for requirements whose window is not over."""
+    members = "{heart: {component: heart}, sensor: {component: force_sensor}}"
+    expect = "[{name: small, signal: heart.position, within: [-1 m, 1 m], to: 10 ms}]"
+    text = f"{{stop_time: 20 ms, step: 1 ms, members: {members}, expect: {expect}{console}}}"
+    (tmp_path / "beat.yaml").write_text(text)
+    play(tmp_path, tmp_path / "beat.yaml", {"ask": "step", "count": steps, "number": 1})
+    (file,) = (tmp_path / "runs/beat").glob("2*/summary.json")
+    summary = json.loads(file.read_text())
+    (case,) = summary["cases"]
+    assert (summary["status"], summary["passed"]) == (("interrupted", False) if reason else ("completed", True))
+    assert (summary["reason"].partition(": ")[2], case["complete"]) == (reason, complete)
+    assert [each["verdict"] for each in summary["expectations"]] == ["skipped" if reason else "pass"]

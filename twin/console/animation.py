@@ -74,11 +74,13 @@ class Pictures:
         self.space: SpacePicture | None = None
         options = ({FLAT: "2-D"} if views else {}) | titles(catalog.spaces)
         number = context.shown_space if context.shown_space in options else next(iter(options))
-        self.toggle = ui.toggle(options, value=number, on_change=lambda chosen: self.show(chosen.value))
-        self.toggle.props('dense no-caps unelevated aria-label="dimensions of the picture"').classes("twin-dimensions")
-        self.toggle.visible = len(options) > 1
-        self.note = ui.label(NO_WEBGL).classes("twin-soft").props("role=status")
-        self.note.visible = False
+        with ui.row().classes("items-center full-width no-wrap gap-2") as self.head:
+            self.toggle = ui.toggle(options, value=number, on_change=lambda chosen: self.show(chosen.value))
+            self.toggle.props('dense no-caps unelevated aria-label="dimensions of the picture"')
+            self.toggle.classes("twin-dimensions")
+            self.toggle.visible = len(options) > 1
+            self.note = ui.label(NO_WEBGL).classes("twin-soft").props("role=status")
+            self.note.visible = False
         self.picture = Picture(views, catalog.warnings)  # warns in three dimensions too
         self.container = ui.element("div").classes("full-width")
         self.show(number)

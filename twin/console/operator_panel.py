@@ -154,12 +154,14 @@ def number_field(
         wanted = (value - signal.offset) / signal.factor
         if await context.run(live.set, name, round(wanted) if signal.type.lstrip("U").startswith("Int") else wanted):
             applied[0] = value
+            field.run_method("blur")  # keys move controls again
             field.props("bg-color=positive")
             ui.timer(0.6, lambda: field.props(remove="bg-color"), once=True)
         else:
             field.set_value(applied[0])  # the message of the refusal is shown by `run`
 
     field.on("keydown.enter", apply_entry)
+    field.on("keydown.escape", lambda: field.set_value(applied[0]))
     field.on("blur", lambda: apply_entry() if field.value != applied[0] else None)
     if name == signal.name and low is not None and high is not None and high > low:
         begin, end = low, high

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
 
     from twin.console.session import Host, Panel
+    from twin.console.targets import Score
     from twin.console.verdicts import SessionVerdicts
     from twin.live import Catalog, LiveSession
 
@@ -37,7 +38,7 @@ RATES = {
     2.0: "2 times",
     5.0: "5 times",
     10.0: "10 times",
-    math.inf: "as fast as possible",
+    math.inf: "fastest",
 }
 REFRESH_PERIOD = 0.2  # period of updates of a page [s]
 TITLE = "Catheter twin"
@@ -47,6 +48,7 @@ NOT_OPERATED = (
     f"To operate, choose the variant “{scenario_paths.OPERATOR_VARIANT}”."
 )
 NOT_OPERATOR = "This page only watches: another page operates."
+NO_OPERATOR = "No page operates. Choose “operate here” in the menu at the top."
 
 
 class PageContext:
@@ -56,6 +58,7 @@ class PageContext:
         self.console, self.client = console, client
         self.shown_space = FLAT  # number of the shown picture, which outlasts a session
         self.verdicts: SessionVerdicts | None = None  # of the shown session
+        self.score: Score | None = None  # of the shown session
 
     def is_operator(self) -> bool:
         """Return whether this page operates."""
@@ -64,7 +67,7 @@ class PageContext:
     async def run(self, what: Callable[..., Any], *arguments: Any) -> bool:
         """Run a command if this page operates; return whether it was executed. The process of the loop checks it again."""
         if not self.is_operator():
-            self.notify(NOT_OPERATOR)
+            self.notify(NO_OPERATOR if self.console.operator_lock.operator is None else NOT_OPERATOR)
             return False
         try:
             await nicegui_run.io_bound(what, *arguments)
@@ -169,7 +172,7 @@ def _top(context: PageContext, attends: bool = False) -> None:
     def show() -> None:
         lock = console.operator_lock
         own = lock.pages.get(context.client.id, "")
-        role_text = "operates" if context.is_operator() else "no operator" if lock.operator is None else "watches"
+        role_text = "you operate" if context.is_operator() else "no operator" if lock.operator is None else "you watch"
         role.text = role_text
         role.classes(remove="twin-operates").classes("twin-operates" if context.is_operator() else "")
         others.clear()
@@ -202,23 +205,24 @@ def _session(context: PageContext) -> None:
     catalog = console.catalog
     assert catalog is not None
     assert console.live is not None
-    context.verdicts = None
+    context.verdicts = context.score = None
     added = [panel for panel in panels() if not panel.path and (catalog.hardware or not panel.hardware)]
     _bar(context)
     with ui.element("div").classes("twin-desk"):
-        si_catalog = to_si(catalog)
+        si_catalog, picture = to_si(catalog), None
         if (views := web.build_views(si_catalog)) or catalog.spaces:
             with ui.element("div").classes("twin-card twin-picture"):
                 if catalog.targets:
                     score = ui.element("div")
                 picture = Pictures(context, si_catalog, views)
+                failed = alert(picture.head)
                 if catalog.targets:
                     with score:
                         targets.panel(context, picture)
         with ui.element("div").classes("twin-hand"):
-            with ui.element("div").classes("twin-card twin-controls"):
-                failed = ui.label().classes("twin-warning").props("role=alert")
-                failed.visible = False
+            with ui.element("div").classes("twin-card twin-controls") as card:
+                if picture is None:
+                    failed = alert(card)
                 Desk(controls(catalog), session=True)
                 if (
                     catalog.controls
@@ -238,6 +242,14 @@ def _session(context: PageContext) -> None:
                     operator_panel.section(panel.title, partial(panel.fill, console, context.is_operator))
 
 
+def alert(parent: ui.element) -> ui.label:
+    """Create the label for requirements that are not met; its room is reserved, so that nothing moves under the pointer."""
+    with parent, ui.element("div").classes("twin-alert"):
+        label = ui.label().classes("twin-warning").props("role=alert")
+    label.visible = False
+    return label
+
+
 def _bar(context: PageContext) -> None:
     """Create the bar with variant, run, pause, step, reset and rate; the desk's script shows the status."""
     console = context.console
@@ -249,7 +261,7 @@ def _bar(context: PageContext) -> None:
         run.props('unelevated no-caps color=primary aria-label="run"').classes("twin-run")
         pause = ui.button("Pause", icon="pause", on_click=context.on_press(lambda: live.pause))
         pause.props('outline no-caps aria-label="pause"').classes("twin-run")
-        finishing = ui.spinner(size="24px").props('aria-label="the results are written"')
+        finishing = ui.spinner(size="24px").props('aria-label="the results are written"').classes("twin-run")
         title = catalog.title.removesuffix(f": {catalog.variants.get(catalog.variant)}") or catalog.scenario
         ui.label(title).classes("twin-h ellipsis")
         if catalog.description:
@@ -267,9 +279,7 @@ def _bar(context: PageContext) -> None:
         if not catalog.wall_clock:
             with steps:
                 _steps(context, live, catalog)
-        ui.html('<span id="twin-how" class="twin-figures" role="status"></span>', sanitize=False)
-        ui.space()
-        ui.html('<span id="twin-message" class="twin-soft" role="status"></span>', sanitize=False)
+        ui.html('<span id="twin-how" class="twin-figures" role="status"></span>', sanitize=False).classes("twin-how")
 
     def update() -> None:
         goes = live.state.phase == "running"
@@ -281,6 +291,7 @@ def _bar(context: PageContext) -> None:
     update()
     ui.timer(REFRESH_PERIOD, update)
     summary.banner(context)
+    ui.html('<span id="twin-message" role="status"></span>', sanitize=False)
 
 
 def _steps(context: PageContext, live: LiveSession, catalog: Catalog) -> None:

@@ -119,6 +119,7 @@ class Host:
                 runs=self.runs,
                 build=self.build,
                 backend=self.backend,
+                report=True,
                 wait=False,
             )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import subprocess
 import sys
 import time
@@ -34,7 +35,7 @@ JUDGE_PERIOD = 1.0  # [s]
 QUICK = (
     0.05  # a judgment that takes longer is followed by a pause of ten times its duration [s]: joysticks need the server
 )
-PAGE = "signals.html"
+PAGE, REPORT = "signals.html", "report.html"
 SYMBOLS = {
     "pass": ("check_circle", "twin-good"),
     "fail": ("cancel", "twin-bad"),
@@ -55,7 +56,12 @@ def register(app: FastAPI, console: Host) -> None:
         file, problem = await asyncio.to_thread(view_page, Path(live.state.folder))
         return PlainTextResponse(problem, 500) if problem else FileResponse(file)
 
+    async def report(_: Request) -> Response:
+        file = Path(console.live.state.folder if console.live is not None else "") / REPORT
+        return FileResponse(file) if file.is_file() else PlainTextResponse("There is no report yet.", 404)
+
     app.add_route("/signals", page, methods=["GET"])
+    app.add_route("/report", report, methods=["GET"])
 
 
 def view_page(folder: Path) -> tuple[Path, str]:
@@ -127,12 +133,16 @@ def listed(row: Row, detail: str) -> None:
 
 @dataclass(frozen=True)
 class SessionResult:
-    """Result of a session that is over: passed, failed, targets left or ended early; its score in words; requirements and metrics; warnings."""
+    """Result of a session that is over: passed, failed, targets left or ended early; its score in words; requirements and metrics; warnings.
+
+    `early`: why it ended before its end, or nothing.
+    """
 
     kind: str = ""
     score: str = ""
     requirements: tuple[Row, ...] = ()
     warnings: tuple[Row, ...] = ()
+    early: str = ""
 
 
 def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> SessionResult:
@@ -148,10 +158,18 @@ def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> Sessi
         words = targets.session_text(score, live.catalog)
         is_complete = len(score.reached) == len(live.catalog.targets["points"])
     judged = [row.verdict for row in (*rows, *warnings) if row.verdict in ("pass", "fail")]
-    is_open = any(row.verdict == WAITING for row in rows)
+    early = early_end(live.state.folder)
+    is_open = bool(early) or any(row.verdict == WAITING for row in rows)
     kind = "failed" if "fail" in judged else "targets left" if not is_complete else "ended early" if is_open else ""
     kind = kind or ("passed" if judged else "")
-    return SessionResult(kind, words, tuple(rows), tuple(warnings))
+    return SessionResult(kind, words, tuple(rows), tuple(warnings), early)
+
+
+def early_end(folder: str) -> str:
+    """Return why a stored session ended before its end, or nothing."""
+    file = Path(folder) / "summary.json"
+    summary = json.loads(file.read_text(encoding="utf-8")) if folder and file.is_file() else {}
+    return str(summary["reason"]) if summary.get("status") == "interrupted" else ""
 
 
 def result_card(result: SessionResult) -> None:
@@ -161,27 +179,39 @@ def result_card(result: SessionResult) -> None:
             color = {"failed": "twin-bad", "passed": "twin-good"}.get(result.kind, "twin-warn")
             ui.label(result.kind.capitalize()).classes(f"twin-state {color}")
             ui.label(result.score or headline(list(result.requirements), True)).classes("twin-h")
+        if result.early:
+            ui.label(result.early)
         with ui.element("div").classes("twin-result-rows full-width"):
             for row in result.requirements:
                 if row.verdict == "fail":
                     listed(replace(row, name=f"Not met: {row.name}"), row.detail)
             for row in result.warnings:
-                listed(replace(row, name=f"Warning: {row.name}"), row.detail)
+                listed(
+                    replace(row, name=f"{'Warning' if row.verdict == 'fail' else 'No warning'}: {row.name}"), row.detail
+                )
 
 
 def banner(context: PageContext) -> None:
-    """Create the summary that appears when the scenario or the session has reached its end."""
+    """Create the summary that appears at the end of the scenario or session, and when the last target is reached.
+
+    While the session goes on it covers the lower edge of the page, and moves nothing.
+    """
     live, catalog = context.console.live, context.console.catalog
     assert live is not None
     assert catalog is not None
-    over = ui.row().classes("twin-over items-center full-width")
+    over = ui.row().classes("twin-over items-center")
     shown = [""]
 
     async def update() -> None:
         state = live.state
         reached = state.phase == "paused" and state.time >= catalog.stop > 0.0 and not catalog.controls
-        kind = state.phase if state.phase in OVER else "reached" if reached else ""
+        score, goes_on = context.score, state.phase in ("running", "paused")
+        complete = goes_on and score is not None and len(score.reached) == len(catalog.targets["points"])
+        kind = state.phase if state.phase in OVER else "reached" if reached else "targets" if complete else ""
         over.visible = bool(kind)
+        over.props(f"data-kind={kind}").classes(
+            add="twin-notice" if goes_on else "", remove="" if goes_on else "twin-notice"
+        )
         if kind == shown[0]:
             return
         shown[0] = kind
@@ -206,18 +236,29 @@ def fill(context: PageContext, kind: str) -> None:
     texts = {
         "stopped": "The session is over.",
         "failed": f"Failed: {state.message}",
-        "reached": f"The scenario has reached its end, {state.time:g} s.",
+        "reached": f"The scenario has reached its end, {state.time:g} s. Run continues beyond it.",
+        "targets": targets.session_text(context.score, live.catalog) if context.score and live.catalog else "",
     }
     ui.label(texts.get(kind, "")).classes("twin-h")
 
     def button(text: str, action: Callable[..., Any], *arguments: Any) -> None:
-        ui.button(text, on_click=context.on_press(lambda: action, *arguments)).props("dense no-caps outline")
+        async def press_once() -> None:
+            made.disable()  # a second click of a double click would reach the next session
+            if not await context.run(action, *arguments):
+                made.enable()
+
+        made = ui.button(text, on_click=press_once).props("dense no-caps outline")
 
     if kind == "reached":
         button("change and compare", live.reset)
+    elif kind == "targets":
+        button("end: replay and report", console.stop)
+        button("again", live.reset)
     elif kind:
         if state.folder:
             ui.link("replay and signals in the viewer", "/signals", new_tab=True)
+            if (Path(state.folder) / REPORT).is_file():
+                ui.link("report", "/report", new_tab=True)
             ui.label(f"Results: {state.folder}").classes("twin-soft twin-line")
         button("again", console.restart, console.variant)
         button("another scenario", console.leave)

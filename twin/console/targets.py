@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from nicegui import run as nicegui_run
 from nicegui import ui
 
+from twin.console.operator_panel import HELD, RELEASED, condense
 from twin.console.verdicts import warning_rows
 from twin.live import RefusedError
 
@@ -22,14 +24,13 @@ if TYPE_CHECKING:
     from twin.live import Catalog, LiveSession
 
 PERIOD = 0.5  # of the score [s]
-STILL = 0.1  # part of the tolerance: a smaller distance from the start is no motion
 
 
 @dataclass(frozen=True)
 class Score:
     """Targets reached so far with their times, the length of the path, and the time until the last target or until now.
 
-    Times count from the first motion [s], 0 before it; `path` is in the unit of the signal.
+    Times count from the first command [s], 0 before it; `path` is in the unit of the signal.
     """
 
     reached: Mapping[str, float]
@@ -37,26 +38,45 @@ class Score:
     duration: float = 0.0
 
 
-def score(time: NDArray[np.float64], values: NDArray[np.float64], targets: Mapping[str, Any]) -> Score:
-    """Score rows of the signal of `targets`: `time` of shape (rows,) [s], `values` of shape (rows, ...)."""
-    rows = values.reshape(len(time), -1)
-    moved = np.flatnonzero(np.linalg.norm(rows - rows[:1], axis=1) > STILL * targets["tolerance"])
-    if not len(moved):
+def score(
+    time: NDArray[np.float64], values: NDArray[np.float64], targets: Mapping[str, Any], begin: float | None
+) -> Score:
+    """Score rows of the signal of `targets`: `time` of shape (rows,) [s], `values` of shape (rows, ...), from `begin` [s]."""
+    if begin is None or not len(time) or time[-1] <= begin:
         return Score({})
-    first = moved[0]
+    is_scored = time >= begin
+    time, rows = time[is_scored], values.reshape(len(time), -1)[is_scored]
     reached = {}
     for name, point in targets["points"].items():
-        hits = np.flatnonzero(np.linalg.norm(rows[first:] - point, axis=1) <= targets["tolerance"])
+        hits = np.flatnonzero(np.linalg.norm(rows - point, axis=1) <= targets["tolerance"])
         if len(hits):
-            reached[name] = float(time[first + hits[0]] - time[first])
+            reached[name] = float(time[hits[0]] - begin)
     is_complete = len(reached) == len(targets["points"])
-    end = max(reached.values()) if is_complete else float(time[-1] - time[first])
-    path = rows[time <= time[first] + end]
+    end = max(reached.values()) if is_complete else float(time[-1] - begin)
+    path = rows[time <= begin + end]
     return Score(
         dict(sorted(reached.items(), key=lambda entry: entry[1])),
         float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
         end,
     )
+
+
+def first_command(live: LiveSession) -> float | None:
+    """Return the time at which an input with a control first moves, by the operator or the scenario [s]; None before it.
+
+    What was released at the same instant, while the session was paused, does not count. Without controls: the start.
+    """
+    assert live.catalog is not None
+    controls = {control.input: control for control in live.catalog.controls}
+    if not controls:
+        return live.catalog.start
+    done = condense(live.done, controls)
+    for index, command in enumerate(done):
+        label, is_held, _ = command.text.partition(HELD)
+        following = (later.time for later in done[index + 1 :] if later.text.startswith(f"{label}{RELEASED}"))
+        if is_held and next(following, math.inf) > command.time:
+            return command.time
+    return None
 
 
 def text(now: Score, targets: Mapping[str, Any], factor: float, unit: str, label: str = "") -> str:
@@ -68,7 +88,7 @@ def text(now: Score, targets: Mapping[str, Any], factor: float, unit: str, label
     if not left:
         return f"{owner}{'all' if owner else 'All'} {len(names)} targets reached in {figures}"
     state = f"{owner}{len(now.reached)} of {len(names)} targets, next: {left[0]}"
-    return f"{state}; {figures}" if now.duration else state
+    return f"{state}; {figures if now.duration else 'time starts with your first command'}"
 
 
 def session_score(live: LiveSession) -> Score | None:
@@ -79,7 +99,9 @@ def session_score(live: LiveSession) -> Score | None:
         rows = live.read([targets["signal"]])
     except RefusedError:
         return None
-    return score(rows.time, np.asarray(rows.values[targets["signal"]], np.float64), targets) if len(rows.time) else None
+    if not len(rows.time):
+        return None
+    return score(rows.time, np.asarray(rows.values[targets["signal"]], np.float64), targets, first_command(live))
 
 
 def session_text(now: Score, catalog: Catalog) -> str:
@@ -102,6 +124,7 @@ def panel(context: PageContext, picture: Pictures) -> None:
     async def update() -> None:
         if live is not context.console.live or (now := await nicegui_run.io_bound(session_score, live)) is None:
             return
+        context.score = now
         rows = await nicegui_run.io_bound(warning_rows, live) or []
         warned = [f"{row.name} {row.detail.replace(';', ',')}" for row in rows if row.verdict == "fail"]
         label.text = "; ".join([session_text(now, catalog), *warned])

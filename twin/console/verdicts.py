@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from twin.live import LiveSession
-    from twin.results import Expectation, Expression, Metric
+    from twin.results import Expectation, Expression, Metric, MetricResult
 
 WAITING, NOT_JUDGED, METRIC = "waiting", "not judged", ""
 
@@ -73,53 +73,44 @@ class SessionVerdicts:
         return expectation.metric in self.metrics
 
     def rows(self) -> list[Row]:
-        """Judge the rows up to the end of the scenario, or of the session if an operator has controls: requirements, then metrics."""
+        """Judge the rows up to the end of the scenario, or of the session if an operator has controls: requirements, then metrics.
+
+        All are listed from the start, so that the list does not grow.
+        """
         if not self._names:
             return []
         try:
             samples = self.live.read(self._names, None, self.catalog.judged_until)
         except RefusedError:
             return []
-        if len(samples.time) < 2:
-            return []  # nothing has moved yet
-        now = float(samples.time[-1])
+        now = float(samples.time[-1]) if len(samples.time) > 1 else -math.inf  # nothing has moved yet
         units = {name: self.catalog.signals[name].unit for name in self._names}
         tables = {(self.catalog.variant, self.catalog.seed): Signals(samples.time, samples.values, units)}
         end = now if self.live.state.phase in OVER else self.catalog.judged_until
         changed = any(command.by_operator and command.time < end for command in self.live.done)
-        nominal = [each for each in self.expectations if changed and each.nominal]
-        expectations = [each for each in self.expectations if each not in nominal]
-        judged = [each for each in expectations if self._begin(each) <= now]
+        judged = [each for each in self.expectations if self._begin(each) <= now and not (changed and each.nominal)]
         metrics = {name: each for name, each in self.metrics.items() if begin(each) <= now}
         evaluation = evaluate(metrics, judged, tables, not changed, has_ended=now >= end)
         unfinished = {name for name, each in self.metrics.items() if now < min(end, metric_end(each))}
-        open_names = {each.name for each in judged if each.signal is None and each.metric in unfinished}
+        results = {id(each): result for each, result in zip(judged, evaluation.expectation_results, strict=True)}
+        reached = {result.metric.name: result for result in evaluation.metric_results}
         rows = []
-        for result in evaluation.expectation_results:
-            is_open = result.verdict == "fail" and result.name in open_names  # its metric may still come right
-            verdict = WAITING if is_open else NOT_JUDGED if result.verdict == "skipped" else result.verdict
-            rows.append(Row(verdict, result.name, result.detail))
-        rows += [
-            Row(WAITING, each.name, f"judged from {self._begin(each):g} s")
-            for each in expectations
-            if self._begin(each) > now
-        ]
-        rows += [Row(NOT_JUDGED, each.name, "values were changed by hand") for each in nominal]
-        for metric_result in evaluation.metric_results:
-            reference = (
-                "" if metric_result.paper is None else f"; reference {metric_result.metric.shown(metric_result.paper)}"
-            )
-            is_final = metric_result.verdict == "pass" or metric_result.metric.name not in unfinished
-            verdict = metric_result.verdict if metric_result.verdict in ("pass", "fail") and is_final else METRIC
-            name = metric_result.metric.description or metric_result.metric.name.replace("_", " ")
-            rows.append(
-                Row(
-                    verdict,
-                    name,
-                    f"{metric_result.metric.shown(metric_result.mean, metric_result.scale)}{reference}",
-                    True,
-                )
-            )
+        for each in self.expectations:
+            if (result := results.get(id(each))) is not None:
+                is_open = (
+                    result.verdict == "fail" and each.signal is None and each.metric in unfinished
+                )  # may come right
+                verdict = WAITING if is_open else NOT_JUDGED if result.verdict == "skipped" else result.verdict
+                rows.append(Row(verdict, result.name, result.detail))
+            elif changed and each.nominal:
+                rows.append(Row(NOT_JUDGED, each.name, "values were changed by hand"))
+            else:
+                rows.append(Row(WAITING, each.name, f"judged from {self._begin(each):g} s"))
+        for name, metric in self.metrics.items():
+            if name in reached:
+                rows.append(metric_row(reached[name], name not in unfinished))
+            elif begin(metric) > now:
+                rows.append(Row(METRIC, metric_name(metric), f"from {begin(metric):g} s", True))
         return rows
 
     def _begin(self, expectation: Expectation) -> float:
@@ -127,6 +118,20 @@ class SessionVerdicts:
         if expectation.signal is None and expectation.metric is not None:
             return begin(self.metrics[expectation.metric])
         return begin(expectation)
+
+
+def metric_name(metric: Metric) -> str:
+    """Return the name of a metric for people."""
+    return metric.description or metric.name.replace("_", " ")
+
+
+def metric_row(result: MetricResult, is_final: bool) -> Row:
+    """Return the row of a metric; one that is not final may still miss its reference, and is not failed."""
+    metric = result.metric
+    reference = "" if result.paper is None else f"; reference {metric.shown(result.paper)}"
+    is_judged = result.verdict == "pass" or (result.verdict == "fail" and is_final)
+    detail = f"{metric.shown(result.mean, result.scale)}{reference}"
+    return Row(result.verdict if is_judged else METRIC, metric_name(metric), detail, True)
 
 
 def warning_rows(live: LiveSession) -> list[Row]:

@@ -183,7 +183,8 @@ def _refuse(text: str) -> None:
 
 def tick_message(console: Host, client: str, tick: int, messages: PageMessages) -> str:
     """Return the message of one tick, with the watched values that have changed."""
-    live, operator = console.live, console.operator_lock.is_operator(client)
+    live, lock = console.live, console.operator_lock
+    operator = lock.is_operator(client) if lock.operator is not None else None  # null: no page operates
     held = {name: value for activity in console.activities.values() for name, value in activity.held.items()}
     attend = any(activity.attended for activity in console.activities.values())
     page = {"tick": tick, "stop": console.stop_label, "operator": operator, "attend": attend}

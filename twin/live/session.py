@@ -175,6 +175,27 @@ class Session:
         ]
         return [f"operated by hand, at other values than the file's: {'; '.join(texts)}"] if texts else []
 
+    def early_end(self) -> tuple[str, bool]:
+        """Return why the last run ended before its end, or nothing, and whether its recording is therefore incomplete.
+
+        With controls it has no end: then it is early for a requirement whose window had not begun or was not over.
+        """
+        executor, own = self._executor, self.session_scenario
+        if executor is None or self.simulated.finished:
+            return "", False
+        end, what = executor.catalog.judged_until, "of the scenario"
+        if executor.catalog.controls:
+            judged = [own.metrics[each.metric] if each.metric else each for each in own.expectations]
+            edges = [
+                edge for each in judged for edge in (each.window.start_ns, each.window.stop_ns) if edge is not None
+            ]
+            end, what = clock.seconds(max(edges, default=0)), "of what is required"
+        time = clock.seconds(self.simulated.time)
+        if time >= end:
+            return "", False
+        cause = "its console was closed" if self.gone else "the operator ended it"
+        return f"ended early, at {time:g} s: {cause} before the end {what}, {end:g} s.", not executor.catalog.controls
+
     def begin_pace(self) -> None:
         """Restart the schedule at the current time."""
         self.pace.begin(wall.monotonic(), clock.seconds(self.simulated.time))

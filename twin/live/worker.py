@@ -72,14 +72,17 @@ class SessionProcess:
             backend=Backend(job["backend"]), root=Path(job["runs"]), build=Path(job["build"]), report=job["report"]
         )
         callbacks = RunCallbacks(
-            progress=self.progress, run_case=session.course, operator_changes=session.operator_changes
+            progress=self.progress,
+            run_case=session.course,
+            operator_changes=session.operator_changes,
+            early_end=session.early_end,
         )
         while True:
             outcome = run_scenario(own, options, hardware=self.hardware, callbacks=callbacks)
             if session.drives is not None and not session.gone:
                 session.send(hardware=session.drive_status(session.drives))  # after the stop sequence
-            reason = "" if outcome.run.status == "completed" else outcome.run.reason
-            if session.gone or not (session.again or (reason and self.wait_for_reset())):
+            failed = outcome.run.status == "failed"  # not merely ended early by its operator
+            if session.gone or not (session.again or (failed and self.wait_for_reset())):
                 return
 
     def wait_for_reset(self) -> bool:

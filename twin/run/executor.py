@@ -236,7 +236,10 @@ class RunExecutor:
                         run_case(case, cosimulation, self.report_progress, self.checkpoints)
             finally:
                 duration = time.perf_counter() - start_time + (self.checkpoints.wall_time if self.checkpoints else 0.0)
-            complete = True
+            reason, is_cut = self.callbacks.early_end()
+            complete = not is_cut
+            if reason:
+                result.mark_incomplete("interrupted", f"{case.name}: {reason}")
             if cosimulation.failure:
                 add_notes(info, [f"{case.name}: {cosimulation.failure}"])
         except KeyboardInterrupt:

@@ -47,13 +47,15 @@ class RunCallbacks:
 
     `progress`: gets the name of a case and its completed fraction. `on_log_line`: gets each line of the members in
     `log_patterns`. `run_case`: takes each case from its start to its end, if not to its stop time. `operator_changes`: lines
-    about what an operator changed in the last case; then the run is not one of the file's own settings.
+    about what an operator changed in the last case; then the run is not one of the file's own settings. `early_end`: why the
+    last case ended before its end, and whether it is incomplete.
     """
 
     progress: Progress = noop
     on_log_line: Callable[[str], object] = noop
     run_case: Callable[[Case, CoSimulation, Progress], object] = run_case
     operator_changes: Callable[[], list[str]] = list
+    early_end: Callable[[], tuple[str, bool]] = lambda: ("", False)
 
 
 def accept_former_arguments(

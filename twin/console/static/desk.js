@@ -5,6 +5,8 @@
 import { channel } from "/console/channel.js";
 
 const DROPPED = 10;      // ticks after which a held control that moves nothing counts as stopped
+// where keys type; a closed list, which keeps the focus after a choice, is none of these
+const TYPED = "input:not(.q-select__focus-target), .q-select__focus-target[aria-expanded=true], textarea, select, [contenteditable]";
 const NEAR = 0.02;       // deflection of a gamepad below which it is at rest
 
 class HeldControls {
@@ -63,10 +65,11 @@ export default {
               @pointerup="pull(one)" @pointercancel="pull(one)" @lostpointercapture="pull(one)">{{ one.kind === "hold" ? "+" : "press" }}</button>
     </div>
     <p v-if="!controls.length && !over" class="twin-soft">No joystick or buttons are defined for this scenario. Change parameters below, or add a <code>console:</code> section.</p>
-    <p v-else class="twin-soft" :class="{ 'twin-warn': stopped }" role="status">{{ over ? "The session is over: controls have no effect." : stopped ? "Stopped by the dead-man switch: this page answered too late, or the computer is overloaded. Release the control and hold it again." : !operator ? "This page only watches." : paused ? "Paused: press Run, then hold a control." : "Motion lasts while you hold a control." }} <span v-if="pad">{{ pad }}</span></p>
+    <p v-else :class="stopped ? 'twin-warn' : 'twin-soft'" role="status">{{ over ? "The session is over" + (controls.length ? ": controls have no effect." : ".") : stopped ? "Stopped by the dead-man switch: this page answered too late. Release and hold again." : !operator ? watching : paused ? "Paused: press Run, then hold a control." : "Motion lasts while you hold a control." }}</p>
+    <p v-if="pad && !over" class="twin-soft">{{ pad }}</p>
   </div>`,
   props: { controls: Array, session: Boolean },
-  data: () => ({ operator: false, over: false, paused: false, held: {}, deflections: {}, dropped: 0, pad: "" }),
+  data: () => ({ operator: false, watching: "Connecting ...", over: false, paused: false, held: {}, deflections: {}, dropped: 0, pad: "" }),
   computed: {
     stopped() { return this.dropped > DROPPED; },
     sticks() {
@@ -97,10 +100,16 @@ export default {
   },
   methods: {
     update(state) {
-      if (state.lost) { this.operator = false; this.hands.releaseAll(); return; }
+      if (state.lost) {
+        this.operator = false;
+        this.watching = `${state.silent ? "No answer from the server" : "No connection to the server"}: controls have no effect.`;
+        this.hands.releaseAll();
+        return;
+      }
       if (state.refused) return;
       this.over = this.session && ["finishing", "stopped", "failed"].includes(state.phase);
-      this.operator = state.operator && !this.over;
+      this.operator = Boolean(state.operator) && !this.over;
+      this.watching = state.operator === null ? "No page operates: choose “operate here” in the menu at the top." : "This page only watches: another page operates.";
       this.paused = state.phase === "paused";
       const held = JSON.stringify(state.held || {});
       if (held !== this.heldText) { this.heldText = held; this.held = state.held || {}; }
@@ -111,18 +120,19 @@ export default {
     },
     key(event, down) {
       if (event.code === "Escape") { this.hands.releaseAll(); return; }
-      if (down && (event.target.closest?.("input, textarea, select, [contenteditable]") || event.ctrlKey || event.altKey || event.metaKey)) return;
+      if (down && (event.target.closest?.(TYPED) || event.ctrlKey || event.altKey || event.metaKey)) return;
       for (const one of this.controls) {
         const way = one.keys.indexOf(event.code);
         if (way < 0) continue;
         event.preventDefault();
+        event.stopPropagation();  // a slider or a closed list that was used before would change as well
         if (!event.repeat) this.hands.move(one.name, event.code, down ? (way === 0 ? 1 : -1) : 0);
       }
     },
     // called on every tick: a stick that springs back is a dead-man switch by itself
     gamepad() {
       const pad = [...(navigator.getGamepads?.() || [])].find(Boolean);
-      this.pad = pad ? `Gamepad: ${pad.id.slice(0, 40)}` : "";
+      this.pad = pad ? `Gamepad: ${pad.id.replace(/ *\(.*/, "").slice(0, 40)}.` : "";
       for (const one of this.controls) {
         const axis = pad && one.axis !== null ? (pad.axes[one.axis] || 0) * (one.reverse ? -1 : 1) : 0;
         const [up, down] = one.buttons.map((button) => button !== null && button >= 0 && pad?.buttons[button]?.pressed);

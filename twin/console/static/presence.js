@@ -3,7 +3,7 @@
 import { channel } from "/console/channel.js";
 
 export default {
-  template: `<div><button id="twin-stop" v-show="label" type="button" :class="{ 'twin-end': label !== 'STOP' }" :title="about" :disabled="lost && !silent"
+  template: `<div><button id="twin-stop" :style="{ visibility: label ? 'visible' : 'hidden' }" type="button" :class="{ 'twin-end': label && label !== 'STOP' }" :title="about" :disabled="lost && !silent"
     @click="stop">{{ label }}</button><p class="twin-disconnected" role="alert" v-if="lost">{{ warning }}</p></div>`,
   props: { page: String, attends: Boolean, hardware: Boolean, stop_label: String },
   data() { return { label: this.stop_label, lost: false, silent: false }; },
@@ -11,7 +11,7 @@ export default {
   computed: {
     warning() {
       const what = this.silent ? "No answer from the server" : "Connection lost", reach = this.silent ? "may not" : "does not";
-      return `${what}${this.hardware ? `: STOP ${reach} reach the drives. Use the hardware emergency stop.` : ". Values are old."} Reload this page if it stays.`;
+      return `${what}: ${this.hardware ? `STOP ${reach} reach the drives. Use the hardware emergency stop.` : `${this.silent ? "it is busy or has ended" : "the console has ended, or the network is down"}. Values are old.`} Reload this page if it stays.`;
     },
     about() { return this.hardware ? "Stop the drives and end the session (Esc)" : "End the session and keep its results"; },
   },
@@ -33,7 +33,7 @@ export default {
       if (this.attends && state.attend && channel.operator && !document.hidden) channel.send({ here: true, tick: state.tick });
       const pace = state.achieved === null || state.achieved === undefined ? "" : `${state.achieved.toFixed(state.achieved < 10 ? 2 : 0)} × real time`;
       const lag = state.lag > 0.05 ? `, ${state.lag.toFixed(2)} s behind` : "";
-      this.say(state.phase && state.time !== undefined ? `${state.phase} · ${state.time.toFixed(3)} s${state.phase === "running" ? ` · ${pace}${lag}` : ""}` : "", state.message || "");
+      this.say(state.phase && state.time !== undefined ? `${state.phase} · ${state.time.toFixed(state.phase === "running" ? 1 : 3)} s${state.phase === "running" ? ` · ${pace}${lag}` : ""}` : "", state.message || "");
     },
     say(how, message) {
       const place = document.getElementById("twin-how"), below = document.getElementById("twin-message");

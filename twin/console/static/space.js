@@ -64,7 +64,7 @@ class Picture {
     const ball = new THREE.SphereGeometry(1, 24, 16);
     this.points = points.map((point, k) => {
       const mesh = this.add(ball, this.material(LINES[k % LINES.length]));
-      mesh.label = this.name(point.label, this.world, forces.length ? ASIDE : BELOW, "twin-space-point");
+      mesh.label = this.name(point.label, this.world, forces.length ? ASIDE : k % 2 ? ABOVE : BELOW, "twin-space-point");  // above and below: tips are close to each other
       return mesh;
     });
     this.targets = targets.map((target) => {

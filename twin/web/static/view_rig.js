@@ -75,7 +75,9 @@ export function rig(place, view) {
     const bow = clamp((of(wallPart, "displacement") ?? 0) * 1500, -26, 26);
     set(tip, { d: out ? `M${END} ${OUT} C${END + (x - END) / 3} ${OUT} ${END + (x - END) / 2} ${OUT - bow} ${x} ${OUT}` : "" });
     set(end, { cx: x, cy: OUT, visibility: out ? "visible" : "hidden" });
-    say(state, `${wallPart ? "tip at" : "inserted"} ${millimeters(place)} mm`);  // since the start, not the place along the vessel
+    // without a sheath the depth counts from the entry, as the vessel's picture and charts do; else from the start, as charts of the tip do
+    const fromEntry = depth !== undefined && whole === 0;
+    say(state, wallPart ? `tip at ${millimeters(place)} mm` : `${millimeters(fromEntry ? depth : place)} mm from the ${fromEntry ? "entry" : "start"}`);
   };
 }
 
