@@ -235,3 +235,35 @@ def test_a_page_without_its_server_says_what_stop_does_not_reach(tmp_path, build
             page.wait_for_selector("text=No connection to the server: controls have no effect.")
         assert page.eval_on_selector(".q-page-container", "one => getComputedStyle(one).pointerEvents") == "none"
         page.close()
+
+
+@pytest.mark.parametrize("path", ["", "bench"])
+def test_a_computer_without_a_network_operates_its_own_server(tmp_path, build, browser, path):  # noqa: F811
+    """The browser says that it is offline; STOP must work nevertheless, and is disabled until it can."""
+    bench = tmp_path / "bench.yaml"
+    bench.write_text(SIMULATED)
+    with console(CARRIAGE, "--variant", "quiet", "--hardware", bench, runs=tmp_path, build=build) as served:
+        page = browser.new_page()
+        page.add_init_script("Object.defineProperty(navigator, 'onLine', {get: () => false})")
+        page.goto(f"http://{served.host}/{path}?token={served.token}", wait_until="commit")
+        page.wait_for_selector("text=you operate", timeout=60_000)
+        page.evaluate("dispatchEvent(new Event('offline'))")
+        page.wait_for_selector(".twin-disconnected")
+        assert page.is_disabled("#twin-stop")
+        page.locator(".twin-disconnected").wait_for(state="hidden")
+        assert page.is_enabled("#twin-stop")
+        page.close()
+
+
+def test_stop_is_disabled_until_the_page_is_connected(tmp_path, build, browser):  # noqa: F811
+    """A socket that does not open: STOP must not look as if it worked."""
+    bench = tmp_path / "bench.yaml"
+    bench.write_text(SIMULATED)
+    with console(CARRIAGE, "--variant", "quiet", "--hardware", bench, runs=tmp_path, build=build) as served:
+        page = browser.new_page()
+        page.route_web_socket(re.compile("/wire"), lambda socket: None)
+        page.goto(f"http://{served.host}/bench?token={served.token}", wait_until="commit")
+        page.wait_for_selector("#twin-stop", timeout=60_000)
+        assert page.is_disabled("#twin-stop")
+        page.wait_for_selector("text=STOP may not reach the drives")
+        page.close()

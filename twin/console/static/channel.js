@@ -9,15 +9,16 @@ class Channel {
     if (this.page === page) return;
     this.page = page;
     this.connect();
-    addEventListener("offline", () => this.drop());
+    // A computer without a network is offline, too, for a server of its own: the page connects again.
+    addEventListener("offline", () => { this.drop(); this.reconnect(); });
     addEventListener("online", () => this.connect());
     addEventListener("pagehide", () => { this.closed = true; this.drop(); });
     addEventListener("pageshow", () => { this.closed = false; this.connect(); });
-    setInterval(() => { if (this.socket && !document.hidden && performance.now() - this.seen > SILENT) this.lost(true); }, SILENT / 4);
+    setInterval(() => { if (this.socket && !document.hidden && performance.now() - this.seen > SILENT) this.lost(this.socket.readyState === WebSocket.OPEN); }, SILENT / 4);
   }
 
   connect() {
-    if (this.socket || this.closed || !navigator.onLine) return;
+    if (this.socket || this.closed) return;
     const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/wire?client=${encodeURIComponent(this.page)}`);
     this.socket = socket;
     this.seen = performance.now();
@@ -29,13 +30,18 @@ class Channel {
       if (state.tick) { this.tick = state.tick; this.operator = state.operator; this.seen = performance.now(); }
       for (const one of this.listeners) one(state);
     };
-    socket.onclose = () => { if (this.socket === socket) { this.socket = null; this.lost(); setTimeout(() => this.connect(), 500); } };
+    socket.onclose = () => { if (this.socket === socket) { this.socket = null; this.lost(); this.reconnect(); } };
   }
 
+  reconnect() { setTimeout(() => this.connect(), 500); }
   drop() { const socket = this.socket; this.socket = null; socket?.close(); this.lost(); }
   // silent: the socket is open, so that a message may still arrive
   lost(silent = false) { this.operator = false; for (const one of this.listeners) one({ lost: true, silent }); }
-  send(message) { if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message)); }
+  send(message) {
+    const open = this.socket?.readyState === WebSocket.OPEN;
+    if (open) this.socket.send(JSON.stringify(message));
+    return open;
+  }
 
   show(space) { this.space = space ?? null; this.send({ space: this.space }); }  // number of a scene in three dimensions
   watch(who, names) { names.length ? this.watched.set(who, names) : this.watched.delete(who); this.subscribe(); }

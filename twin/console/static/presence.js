@@ -3,10 +3,10 @@
 import { channel } from "/console/channel.js";
 
 export default {
-  template: `<div><button id="twin-stop" :style="{ visibility: label ? 'visible' : 'hidden' }" type="button" :class="{ 'twin-end': label && label !== 'STOP' }" :title="about" :disabled="lost && !silent"
+  template: `<div><button id="twin-stop" :style="{ visibility: label ? 'visible' : 'hidden' }" type="button" :class="{ 'twin-end': label && label !== 'STOP' }" :title="about" :disabled="!connected || (lost && !silent)"
     @click="stop">{{ label }}</button><p class="twin-disconnected" role="alert" v-if="lost">{{ warning }}</p></div>`,
   props: { page: String, attends: Boolean, hardware: Boolean, stop_label: String },
-  data() { return { label: this.stop_label, lost: false, silent: false }; },
+  data() { return { label: this.stop_label, connected: false, lost: false, silent: false }; },
   watch: { lost(lost) { document.body.classList.toggle("twin-lost", lost); } },
   computed: {
     warning() {
@@ -22,13 +22,14 @@ export default {
   },
   unmounted() { channel.listeners.delete(this.update); removeEventListener("keydown", this.key, true); },
   methods: {
-    stop() { channel.send({ stop: true }); },
+    stop() { if (!channel.send({ stop: true })) channel.lost(); },
     key(event) { if (event.code === "Escape" && this.hardware) this.stop(); },
     update(state) {
       if (state.refused) { this.say(null, state.refused); return; }
       this.lost = Boolean(state.lost);
       this.silent = Boolean(state.silent);
       if (this.lost) { this.say("no connection to the server", ""); return; }
+      this.connected = true;
       this.label = state.stop;
       if (this.attends && state.attend && channel.operator && !document.hidden) channel.send({ here: true, tick: state.tick });
       const pace = state.achieved === null || state.achieved === undefined ? "" : `${state.achieved.toFixed(state.achieved < 10 ? 2 : 0)} × real time`;
