@@ -221,6 +221,8 @@ def test_a_page_without_its_server_says_what_stop_does_not_reach(tmp_path, build
         page = browser.new_page()
         page.goto(f"http://{served.host}/{path}?token={served.token}", wait_until="commit")
         page.wait_for_selector("text=you operate", timeout=60_000)
+        if not path:
+            page.wait_for_selector(".twin-control .way:enabled", timeout=60_000)  # the session is prepared
         warning = page.locator(".twin-disconnected")
         served.process.send_signal(signal.SIGSTOP)
         warning.wait_for(timeout=20_000)
