@@ -76,3 +76,35 @@ def test_a_heart_that_is_alive_is_followed(build, tmp_path):
         assert 0.1 < force.min() <= force.max() < 0.4
         assert set(status) == {0, 1}, "early beats are told, and nothing is lost"
     assert max(outcome.summary["metrics"]["worst_window_std"]["variants"]["PI+FF+BW"]["values"].values()) < 0.020
+
+
+OPPOSITE = """
+from fmus.control import ForceControl, control_velocity
+
+
+class OppositeControl(ForceControl):
+    def initialize(self):
+        self.integral_part = 0.0
+        self.target_velocity = 0.0
+
+    def step(self, t, h):
+        self.target_velocity = -control_velocity(self, 0.0, h)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("change", "missed"),
+    [
+        ("members: {controller: {parameters: {proportional: 0 m/(s*N)}}}", "PI moves the gripper"),
+        ("members: {controller: {component: 'opposite:OppositeControl'}}", "PI moves against the force error"),
+    ],
+)
+def test_a_controller_that_does_nothing_or_the_opposite_is_noticed(tmp_path, build, monkeypatch, change, missed):
+    """Its force is that of PI: the gripper moves less than the hysteresis is wide."""
+    (tmp_path / "opposite.py").write_text(OPPOSITE)
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "own.yaml").write_text(f"extends: heart_wall_force\nvariants: {{PI: {{{change}}}}}\n")
+    options = RunOptions(build=build, root=tmp_path / "runs", variants=["PI"], seeds=[1], report=False)
+    run = run_scenario(load_scenario(tmp_path / "own.yaml"), options)
+    assert [entry["name"] for entry in run.summary["expectations"] if entry["verdict"] == "fail"] == [missed]
