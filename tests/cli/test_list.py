@@ -85,6 +85,26 @@ def test_runs_the_latest_first(run, tmp_path):
     ]
 
 
+def test_a_run_is_listed_with_what_differs_from_its_scenario(run, tmp_path):
+    """Overrides, variants if not all, seeds if not those of the scenario; within 80 columns."""
+    cases = [{"variant": variant, "seed": 3} for variant in ("PI", "PI, slow")]
+    whole = [{"variant": variant, "seed": seed} for variant in ("PI", "PI, slow", "FF") for seed in (1, 2)]
+    for stamp, overrides, own in (
+        ("01", ["heart.rate=1.4 Hz"], cases),
+        ("02", [f"a.b{i}={i}" for i in range(9)], whole),
+    ):
+        folder = tmp_path / "runs" / "some" / f"2026-01-01_10-00-{stamp}"
+        folder.mkdir(parents=True)
+        (folder / "scenario.yaml").write_text("seeds: [1, 2]\nvariants: {PI: {}, 'PI, slow': {}, FF: {}}\n")
+        summary = {"status": "completed", "overrides": overrides, "cases": own, "metrics": {}, "expectations": []}
+        (folder / "summary.json").write_text(json.dumps(summary))
+    _, lines = run("list", "runs")
+    assert [line.partition("met; ")[2] for line in lines[1:]] == [
+        "set a.b0=0, a.b1=1, a.b2=2, a.b3=3, and 5 more",
+        'set heart.rate=1.4 Hz; only "PI", "PI, slow"; seed 3',
+    ]
+
+
 def test_a_component(run):
     code, lines = run("describe", "servomotor")
     assert (code, lines[0]) == (0, "servomotor: component of the communication step")
