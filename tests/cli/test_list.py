@@ -153,6 +153,25 @@ def test_metrics_without_a_description_are_shown_by_their_signal(run, tmp_path):
     assert any(line.split() == ["top", "max", "of", "heart.position"] for line in lines)
 
 
+def test_values_and_connections_of_a_scenario(run, tmp_path):
+    """On request: parameters and set inputs as they will run, what set them, and connections; files from the scenario's folder."""
+    members = (
+        "{a: {component: heart, parameters: {rate: 72 /min}}, w: {component: wall}, b: {component: 'other.yaml#m'}}"
+    )
+    (tmp_path / "beat.yaml").write_text(
+        f"stop_time: 1 s\nmembers: {members}\nconnections: [{{from: a.position, to: w.heart_position}}]\n"
+    )
+    (tmp_path / "other.yaml").write_text("stop_time: 1 s\nmembers: {h: {component: heart}}\ngroups: {m: [h]}\n")
+    _, lines = run("describe", "beat.yaml")
+    assert "--all or --filter NAME shows parameters and connections." in lines
+    assert any(line.split() == ["b", "other.yaml#m"] for line in lines)
+    assert not any("a.rate" in line for line in lines)
+    _, lines = run("describe", "beat.yaml", "--filter", "a.")
+    rate = next(line for line in lines if line.startswith(" a.rate"))
+    assert rate.split(maxsplit=1)[1].startswith("1.2 Hz (set by the scenario; default 1 Hz)")
+    assert any(line.split() == ["a.position", "w.heart_position"] for line in lines)
+
+
 def test_what_is_no_fmu(run, tmp_path):
     (tmp_path / "any.fmu").write_text("no archive")
     assert run("describe", "any.fmu")[0].startswith("any.fmu: is not a zip archive")
