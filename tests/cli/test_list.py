@@ -57,6 +57,19 @@ def test_scenarios_are_listed_by_topic_those_to_start_with_first(run):
     assert int(lines[0].split()[1]) == len(lines) - 1 - len(topics)
 
 
+def test_components_are_listed_by_folder_own_ones_last(run, tmp_path):
+    (tmp_path / "fmus" / "servo_of_mine").mkdir(parents=True)
+    (tmp_path / "fmus" / "servo_of_mine" / "model.py").write_text('"""My servo."""\n')
+    _, lines = run("list", "components", "--filter", "servo")
+    assert [line.split()[0] for line in lines] == [
+        "components:",
+        "Actuators:",
+        "servomotor",
+        "Others:",
+        "servo_of_mine",
+    ]
+
+
 @pytest.mark.slow
 def test_a_kind_and_a_text(run):
     code, lines = run("list", "components", "--filter", "servo")

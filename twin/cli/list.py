@@ -47,7 +47,8 @@ def command(kinds: tuple[str, ...], text: str, runs: Path) -> None:
         listing = listings[kind]()
         lines = {name: line for name, line in listing.items() if text.lower() in f"{name} {line}".lower()}
         show_text("", f"{kind}: {len(lines)}", "bold")
-        for heading, names in by_topic(lines).items() if kind == "scenarios" else [("", [*lines])]:
+        groups = {"scenarios": by_topic, "components": by_folder}.get(kind, lambda names: {"": [*names]})(lines)
+        for heading, names in groups.items():
             if heading:
                 show_text("", f" {heading}:", "bold")
             show((name, lines[name]) for name in names)
@@ -72,6 +73,18 @@ def components() -> Listing:
     from twin.component import catalog
 
     return {name: catalog.summary(name) for name in catalog.names()}
+
+
+def by_folder(names: Iterable[str]) -> dict[str, list[str]]:
+    """Group components under the folder of their kind in `fmus`; those directly in `fmus` are the last."""
+    from twin.component import catalog
+
+    groups: dict[str, list[str]] = {}
+    for name in names:
+        folder = catalog.component_folder(name)
+        kind = folder.parent.name.capitalize() if folder else ""
+        groups.setdefault("Others" if kind in ("", "Fmus") else kind, []).append(name)
+    return dict(sorted(groups.items(), key=lambda group: (group[0] == "Others", group[0])))
 
 
 def titles(kind: str) -> Listing:
