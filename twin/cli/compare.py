@@ -68,7 +68,8 @@ def command(
     if summaries[0]["overrides"] != summaries[1]["overrides"]:
         for word, summary in zip(("first", "second"), summaries, strict=True):
             show_text(", ".join(summary["overrides"]) or "nothing", f"set in the {word} run: ")
-    show_metrics(comparison, everything)
+    if not patterns:
+        show_metrics(comparison, everything)
     show_text(comparison.headline)
     for note in comparison.notes:
         show_text(note, "note: ")

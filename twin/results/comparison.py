@@ -194,7 +194,8 @@ def compare_runs(
     missing += missing_signals(*recorded)
     changes = metric_changes(*summaries, variants)
     verdicts = () if patterns or variants else verdict_changes(*summaries)
-    units = display_units({name: entry.display_unit or entry.unit for name, entry in first.items()})
+    metric_units = {f"metric {name}": metric["unit"] for name, metric in summaries[0]["metrics"].items()}
+    units = display_units(metric_units | {name: entry.display_unit or entry.unit for name, entry in first.items()})
     shown = tuple(replace(entry, unit=units[entry.name]) for entry in differences)
     return Comparison(shown, tuple(problems), tuple(notes), tolerance, tuple(missing), changes, verdicts)
 
