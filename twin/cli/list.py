@@ -47,8 +47,8 @@ def command(kinds: tuple[str, ...], text: str, runs: Path) -> None:
         listing = listings[kind]()
         lines = {name: line for name, line in listing.items() if text.lower() in f"{name} {line}".lower()}
         show_text("", f"{kind}: {len(lines)}", "bold")
-        groups = {"scenarios": by_topic, "components": by_folder}.get(kind, lambda names: {"": [*names]})(lines)
-        for heading, names in groups.items():
+        group = {"scenarios": by_topic, "components": by_folder}.get(kind)
+        for heading, names in (group(lines) if group else {"": [*lines]}).items():
             if heading:
                 show_text("", f" {heading}:", "bold")
             show((name, lines[name]) for name in names)
