@@ -208,7 +208,8 @@ def outcome(**attributes):
         "folder": "runs/a/1",
         **attributes,
     }
-    expectations = [{"passed": i < values["met"]} for i in range(values["judged"])]
+    verdicts = ["pass"] * values["met"] + ["fail"] * (values["judged"] - values["met"])
+    expectations = [{"verdict": verdict} for verdict in verdicts + ["skipped"] * attributes.get("skipped", 0)]
     return SimpleNamespace(
         run=SimpleNamespace(status=values["status"], real_time_factor=values["factor"], wall_time=1.2345, reason=""),
         summary={"passed": values["passed"], "expectations": expectations, "metrics": {}},
@@ -232,6 +233,8 @@ def outcome(**attributes):
             "DONE in 1.23 s (9.9x real time). Report: runs/a/1/report.html",
         ),
         ({"factor": 10.0}, True, "PASS 2 of 3 in 1.23 s (10x real time)."),
+        ({"skipped": 11}, True, "PASS 2 of 3, 11 not judged in 1.23 s (12x real time)."),
+        ({"skipped": 1, "passed": False}, True, "FAIL: 1 of 3 requirements failed, 1 not judged, in 1.23 s"),
         ({"factor": None}, True, "PASS 2 of 3 in 1.23 s. Report:"),
         ({"status": "failed"}, True, "FAILED: 1 of 3 requirements failed, in 1.23 s"),
         ({"status": "interrupted", "met": 3}, True, "INTERRUPTED in 1.23 s"),

@@ -56,9 +56,10 @@ def variable(**attributes):
         (
             {"start": np.array([1.0, 2.0]), "shape": (2,), "minimum": -1.0, "maximum": 1.0},
             "x[2]",
-            "1 m, ...",
+            "1, 2 m",
             "-1 m to 1 m",
         ),
+        ({"start": np.arange(0.125, 9.0), "shape": (9,)}, "x[9]", "0.125 m, ... (--all)", ""),
         ({"type": "Boolean", "start": 1, "unit": ""}, "x", "true", ""),
         ({"type": "String", "start": "abc", "unit": ""}, "x", "abc", ""),
     ],
@@ -66,6 +67,12 @@ def variable(**attributes):
 def test_a_variable_in_words(attributes, name, start, bounds):
     found = variable(**attributes)
     assert (describe.name_with_shape(found), describe.start(found), describe.bounds(found)) == (name, start, bounds)
+
+
+def test_a_long_vector_is_shown_on_request():
+    found = variable(start=np.arange(0.125, 9.0), shape=(9,))
+    assert describe.start(found, everything=True).startswith("0.125, 1.125, 2.125")
+    assert describe.start(found, everything=True).endswith("8.125 m")
 
 
 @every_case(

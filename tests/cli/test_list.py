@@ -57,6 +57,19 @@ def test_scenarios_are_listed_by_topic_those_to_start_with_first(run):
     assert int(lines[0].split()[1]) == len(lines) - 1 - len(topics)
 
 
+def test_components_are_listed_by_folder_own_ones_last(run, tmp_path):
+    (tmp_path / "fmus" / "servo_of_mine").mkdir(parents=True)
+    (tmp_path / "fmus" / "servo_of_mine" / "model.py").write_text('"""My servo."""\n')
+    _, lines = run("list", "components", "--filter", "servo")
+    assert [line.split()[0] for line in lines] == [
+        "components:",
+        "Actuators:",
+        "servomotor",
+        "Others:",
+        "servo_of_mine",
+    ]
+
+
 @pytest.mark.slow
 def test_a_kind_and_a_text(run):
     code, lines = run("list", "components", "--filter", "servo")
@@ -82,6 +95,26 @@ def test_runs_the_latest_first(run, tmp_path):
         "its summary.json cannot be read",
         "completed, 1 case, 1 of 1 requirements met",
         "completed, 1 case, 1 of 2 requirements met",
+    ]
+
+
+def test_a_run_is_listed_with_what_differs_from_its_scenario(run, tmp_path):
+    """Overrides, variants if not all, seeds if not those of the scenario; within 80 columns."""
+    cases = [{"variant": variant, "seed": 3} for variant in ("PI", "PI, slow")]
+    whole = [{"variant": variant, "seed": seed} for variant in ("PI", "PI, slow", "FF") for seed in (1, 2)]
+    for stamp, overrides, own in (
+        ("01", ["heart.rate=1.4 Hz"], cases),
+        ("02", [f"a.b{i}={i}" for i in range(9)], whole),
+    ):
+        folder = tmp_path / "runs" / "some" / f"2026-01-01_10-00-{stamp}"
+        folder.mkdir(parents=True)
+        (folder / "scenario.yaml").write_text("seeds: [1, 2]\nvariants: {PI: {}, 'PI, slow': {}, FF: {}}\n")
+        summary = {"status": "completed", "overrides": overrides, "cases": own, "metrics": {}, "expectations": []}
+        (folder / "summary.json").write_text(json.dumps(summary))
+    _, lines = run("list", "runs")
+    assert [line.partition("met; ")[2] for line in lines[1:]] == [
+        "set a.b0=0, a.b1=1, a.b2=2, a.b3=3, and 5 more",
+        'set heart.rate=1.4 Hz; only "PI", "PI, slow"; seed 3',
     ]
 
 
@@ -131,6 +164,25 @@ def test_metrics_without_a_description_are_shown_by_their_signal(run, tmp_path):
     (tmp_path / "beat.yaml").write_text(scenario)
     _, lines = run("describe", "beat.yaml")
     assert any(line.split() == ["top", "max", "of", "heart.position"] for line in lines)
+
+
+def test_values_and_connections_of_a_scenario(run, tmp_path):
+    """On request: parameters and set inputs as they will run, what set them, and connections; files from the scenario's folder."""
+    members = (
+        "{a: {component: heart, parameters: {rate: 72 /min}}, w: {component: wall}, b: {component: 'other.yaml#m'}}"
+    )
+    (tmp_path / "beat.yaml").write_text(
+        f"stop_time: 1 s\nmembers: {members}\nconnections: [{{from: a.position, to: w.heart_position}}]\n"
+    )
+    (tmp_path / "other.yaml").write_text("stop_time: 1 s\nmembers: {h: {component: heart}}\ngroups: {m: [h]}\n")
+    _, lines = run("describe", "beat.yaml")
+    assert "--all or --filter NAME shows parameters and connections." in lines
+    assert any(line.split() == ["b", "other.yaml#m"] for line in lines)
+    assert not any("a.rate" in line for line in lines)
+    _, lines = run("describe", "beat.yaml", "--filter", "a.")
+    rate = next(line for line in lines if line.startswith(" a.rate"))
+    assert rate.split(maxsplit=1)[1].startswith("1.2 Hz (set by the scenario; default 1 Hz)")
+    assert any(line.split() == ["a.position", "w.heart_position"] for line in lines)
 
 
 def test_what_is_no_fmu(run, tmp_path):

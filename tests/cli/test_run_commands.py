@@ -13,7 +13,7 @@ from tests.cli.test_fit_commands import run as run_command
 from twin.cli import compare, recover, resume
 from twin.cli import run as run_module
 from twin.cli.run import HardwareOptions
-from twin.results.comparison import Comparison, Difference
+from twin.results.comparison import Comparison, Difference, MetricChange, VerdictChange
 
 
 @pytest.fixture
@@ -168,11 +168,11 @@ SAME = {"a": "x", "b": "x"}
 def compared(calls, monkeypatch):
     """Run `twin compare a b` with this result."""
 
-    def with_result(signals, *words, problems=(), notes=(), overrides=(), names=SAME):
+    def with_result(signals, *words, problems=(), notes=(), overrides=(), names=SAME, **others):
         given = {"a": [], "b": list(overrides)}
         summaries = {run: {"overrides": given[run], "scenario": {"name": names[run]}} for run in "ab"}
         opened = {name: SimpleNamespace(folder=f"folder {name}", summary=summaries[name]) for name in "ab"}
-        result = lambda tolerance: Comparison(tuple(signals), tuple(problems), tuple(notes), tolerance)  # noqa: E731
+        result = lambda tolerance: Comparison(tuple(signals), tuple(problems), tuple(notes), tolerance, **others)  # noqa: E731
         replace(monkeypatch, "twin.face", open_run=lambda path: opened[str(path)])
 
         def compare_runs(*arguments):
@@ -204,7 +204,7 @@ def test_equal_runs(compared, calls):
     assert lines[-2:] == ["p19", "and 2 more: use --all"]
     assert compared(same, "--signal", "heart.*", "--tolerance", "0", "--variant", "PI")[0] == 1
     assert calls[-1][2:] == (0.0, ("heart.*",), ("PI",))
-    assert compared(same, overrides=["heart.rate=1.4 Hz", "seeds=[1]"])[1][1:] == [
+    assert compared(same, overrides=["heart.rate=1.4 Hz", "seeds=[1]"])[1][:2] == [
         "set in the first run: nothing",
         "set in the second run: heart.rate=1.4 Hz, seeds=[1]",
     ]
@@ -216,28 +216,53 @@ def test_differing_runs(compared):
         1,
         [
             "The runs differ: 2 of 2 signals (0 equal to the bit, 0 within 1e-09).",
-            "Most: s00 of PI, seed 1: 0.002 N, 0.5 of its largest magnitude.",
             "signal difference from relative",
             "s00 0.002 N 1.25 s 0.5",
             "s01 0.002 N 2.5 s 0.5",
         ],
     )
-    assert compared(differences(2, seeds=(1, 2)))[1][2:] == [
+    assert compared(differences(2, seeds=(1, 2)))[1][1:] == [
         "signal difference from relative cases",
         "s00 0.002 N 1.25 s 0.5 2",
         "s01 0.002 N 2.5 s 0.5 2",
     ]
-    assert compared(differences(1, seeds=(1, 2)), "--all")[1][2:] == [
+    assert compared(differences(1, seeds=(1, 2)), "--all")[1][1:] == [
         "signal difference from relative case",
         "s00 0.002 N 1.25 s 0.5 PI, seed 1",
         "s00 0.002 N 1.25 s 0.5 PI, seed 2",
     ]
-    lines = compared(differences(compare.MAX_LISTED))[1]
-    assert (len(lines), lines[-1][:3]) == (compare.MAX_LISTED + 3, f"s{compare.MAX_LISTED - 1}")
-    lines = compared(differences(compare.MAX_LISTED + 2))[1]
-    assert (len(lines), lines[-1]) == (compare.MAX_LISTED + 4, "and 2 more: use --all")
-    lines = compared(differences(compare.MAX_LISTED + 2), "--all")[1]
-    assert (len(lines), lines[-1][:3]) == (compare.MAX_LISTED + 5, f"s{compare.MAX_LISTED + 1}")
+    lines = compared(differences(compare.MAX_SIGNALS))[1]
+    assert (len(lines), lines[-1][:3]) == (compare.MAX_SIGNALS + 2, f"s{compare.MAX_SIGNALS - 1:02}")
+    lines = compared(differences(compare.MAX_SIGNALS + 2))[1]
+    assert (len(lines), lines[-1]) == (compare.MAX_SIGNALS + 3, "and 2 more: use --all")
+    lines = compared(differences(compare.MAX_SIGNALS + 2), "--all")[1]
+    assert (len(lines), lines[-1][:3]) == (compare.MAX_SIGNALS + 4, f"s{compare.MAX_SIGNALS + 1:02}")
+
+
+def test_the_answer_of_a_comparison_is_on_top(compared):
+    """Changed verdicts, new failures first; then metrics in one unit a quantity, without noise around zero."""
+    verdicts = (
+        VerdictChange("safe", "pass", "fail"),
+        VerdictChange("paper's rate", "pass", "skipped"),
+        VerdictChange("paper's force", "pass", "skipped"),
+    )
+    changes = (
+        MetricChange("force", "PI", "N", 0.01, 0.015, 0.0001),
+        MetricChange("limit", "PI", "mN", 200.0, 200.0, 0.1),
+        MetricChange("mean", "PI", "N", -1e-6, 3e-5, 1e-4),
+    )
+    problems = ["metric force of PI: 10 mN and 15 mN.", "status: completed and failed."]
+    code, lines = compared((), problems=problems, verdicts=verdicts, changes=changes)
+    assert code == 1
+    assert lines == [
+        "pass -> fail: safe",
+        'pass -> skipped: 2 verdicts: "paper\'s rate" and 1 more',
+        "metric variant first second ratio",
+        "force PI 10 mN 15 mN 1.50",
+        "and 1 more, smaller: use --all",
+        "The runs differ: 0 of 0 signals (0 equal to the bit, 0 within 1e-09), 2 other differences.",
+        "status: completed and failed.",
+    ]
 
 
 def test_exit_codes_reach_the_command(calls, monkeypatch):

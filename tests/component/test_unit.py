@@ -107,6 +107,21 @@ def test_an_unknown_unit_is_told_with_its_place() -> None:
         unit.conversion("fork", "m", "in.csv: column 'u'")
 
 
+def test_a_unit_in_the_wrong_case_and_a_common_name_are_recognized() -> None:
+    for text, hint in {
+        "hz": "Did you mean Hz?",
+        "mm/(s*n)": "Did you mean mm/(s*N)?",
+        "kpa": "Did you mean kPa?",
+        "mpa": "Did you mean mPa or MPa?",
+        "bpm": "Write 84 /min.",
+        "fork": unit.ADVICE,
+        "fork/hz": unit.ADVICE,
+    }.items():
+        assert unit.advice(text, "84") == hint
+    with pytest.raises(CouplingError, match=r"unit 'hz' is not known\. Did you mean Hz\?"):
+        unit.describe("hz")
+
+
 def test_a_name_that_means_the_same_stays() -> None:
     celsius = Unit(1.0, 273.15, (0, 0, 0, 0, 1, 0, 0, 0))
     assert unit.defined("degC", celsius) == "degC"

@@ -1,5 +1,7 @@
 """What a notebook may pass: a mistake is one line that says what is expected, never a traceback of the engine."""
 
+import json
+
 import numpy as np
 import pytest
 from scipy.io import loadmat
@@ -8,6 +10,7 @@ import twin
 from tests.viewer.recorded import FORCE, PLACE, SHAPE, folder_of, wave
 from twin.errors import ScenarioError, TwinError, UnknownNameError
 from twin.face import conversions
+from twin.results import compare_runs
 
 
 @pytest.fixture
@@ -114,9 +117,21 @@ def test_two_runs_are_compared(recorded, tmp_path):
     assert recorded.compare(recorded).agrees
     comparison = recorded.compare(other)
     assert [signal.name for signal in comparison.differing] == ["sensor.force"]
+    assert comparison.differing[0].text.endswith(" N")
     assert repr(comparison).startswith("<Comparison: The runs differ: 1 of 3 signals")
     assert recorded.compare(other, "tip.*").agrees
     assert recorded.compare(other, "sensor.*", tolerance=0.02).agrees
+
+
+def test_a_difference_is_in_the_unit_of_the_metrics(recorded, tmp_path):
+    """As in the report: mN if a metric of the scenario is in mN."""
+    time, force = wave(100.0, 0.5)
+    other = folder_of(tmp_path / "other", {("PI", 1): (time, {"sensor.force": 1.01 * force})}, [FORCE])
+    metric = {"unit": "mN", "variants": {}}
+    summaries = [json.loads((folder / "summary.json").read_text()) for folder in (recorded.folder, other)]
+    changed = tuple({**summary, "metrics": {"peak": metric}} for summary in summaries)
+    (difference,) = compare_runs((recorded.folder, other), changed, 0.0, ["sensor.*"]).signals
+    assert difference.text.endswith(" mN")
 
 
 def test_a_branch_needs_values_by_name(recorded):

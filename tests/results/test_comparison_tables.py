@@ -29,6 +29,7 @@ from twin.results.summary_comparison import (
     is_convertible,
     list_missing,
     metric_changes,
+    verdict_changes,
 )
 
 INF, NAN = np.inf, np.nan
@@ -270,7 +271,7 @@ def test_values_of_metrics_have_one_unit_and_differ_in_their_digits() -> None:
 
 
 def test_metrics_of_both_runs_are_a_table() -> None:
-    """Sorted by relative change, in the unit of the first run; a value in one run only comes first."""
+    """Sorted by change over the seeds' spread, in the unit of the first run; a value in one run only comes first."""
 
     def of(**metrics: tuple[str, dict[str, dict[str, float | None]]]) -> dict[str, Any]:
         return {
@@ -311,6 +312,23 @@ def test_metrics_of_both_runs_are_a_table() -> None:
     assert html.startswith("<p>The runs differ: 0 of 0 signals")
     assert "<td>force</td>" in html
     assert "<table" not in Comparison((), (), (), 0.0)._repr_html_()
+
+
+def test_noise_around_zero_does_not_come_first() -> None:
+    """A change within the spread of the seeds is the last, however large its ratio; verdicts: new failures first."""
+
+    def of(zero: dict[str, float], rate: dict[str, float], *verdicts: str) -> dict[str, Any]:
+        metrics = {"zero": {"unit": "N", "variants": {"PI": {"values": zero}}}}
+        metrics["rate"] = {"unit": "1/min", "variants": {"PI": {"values": rate, "verdict": "pass"}}}
+        return {
+            "metrics": metrics,
+            "expectations": [{"name": f"e{i}", "verdict": verdict} for i, verdict in enumerate(verdicts)],
+        }
+
+    first = of({"1": -0.01, "2": 0.011}, {"1": 60.0, "2": 60.1}, "pass", "pass", "fail")
+    second = of({"1": 0.04, "2": -0.03}, {"1": 62.0, "2": 62.1}, "skipped", "fail", "fail")
+    assert [each.metric for each in metric_changes(first, second)] == ["rate", "zero"]
+    assert verdict_changes(first, second) == (("e1", "pass", "fail"), ("e0", "pass", "skipped"))
 
 
 def test_metrics_that_differ_are_sorted_by_relative_difference() -> None:

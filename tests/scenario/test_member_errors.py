@@ -9,6 +9,7 @@ from tests.scenario.test_scenario_errors import METRIC
 from tests.scenario.texts import BASE, against, catalog, changed, problems, variable
 from twin.scenario import parse_scenario
 from twin.scenario.check import check_against
+from twin.scenario.resolution.variable_resolution import merge_unknown_names
 
 
 def test_nothing_wrong_against_the_members() -> None:
@@ -161,3 +162,12 @@ def test_an_expectation_of_variants_in_which_its_metric_is_not_taken(keys: str) 
     text = text.replace("tolerance: 20 %}", "tolerance: 20 %, variants: PI}")
     (line,) = problems(text)
     assert line.startswith("s.yaml:23: expect: `error` is not taken in `PI+FF`, only in PI. Add it there.")
+
+
+def test_a_name_that_several_components_lack_is_one_problem() -> None:
+    """With a sure suggestion, or else the longest list of names."""
+    first, second = "--set a.x=3: a has no variable `x`. Known: b.", "--set a.x=3: a has no variable `x`. Known: b, c."
+    other = "--set a.y=3: a has no variable `y`. Known: b."
+    sure = "--set a.x=3: a has no variable `x`. Did you mean `xx`?"
+    assert merge_unknown_names([first, second, other]) == [second, other]
+    assert merge_unknown_names([first, sure, "else"]) == [sure, "else"]

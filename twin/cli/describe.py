@@ -12,7 +12,7 @@ import click
 from twin.cli import completion
 from twin.cli.options import filter_option
 from twin.cli.terminal import say, show_elapsed, show_table, show_text
-from twin.errors import TwinError, nearest
+from twin.errors import TwinError, nearest, quote_names
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -23,21 +23,28 @@ if TYPE_CHECKING:
     from twin.scenario import ScenarioSpec
 
 HIDDEN = ("state", "derivative", "local", "independent")  # roles and causalities that cannot be set or connected
+SHORT = 30  # characters of a vector
 TITLES = ("start", "bounds", "description")
 
 
 @click.command("describe")
 @click.argument("what", metavar="NAME", shell_complete=completion.components_and_scenarios)
-@click.option("--all", "everything", is_flag=True, help="Also show states and local variables.")
+@click.option(
+    "--all",
+    "everything",
+    is_flag=True,
+    help="Also show states and local variables, whole vectors; of a scenario parameters and connections.",
+)
 @filter_option
 def command(what: str, everything: bool, text: str) -> None:
     """Describe a component (by name or `module:Class`), a scenario (by name or file), or any FMU file.
 
-    Values are in the display unit; `from` names the source of a parameter's value.
+    Values are in the display unit; `from` names the source of a parameter's value. Of a scenario, --all and --filter show
+    the parameters of its members as they will run, and the connections.
 
     \b
     twin describe servomotor
-    twin describe heart_wall_force
+    twin describe heart_wall_force --filter sensor
     twin describe any.fmu --all
     """
     from twin.component import catalog
@@ -51,7 +58,7 @@ def command(what: str, everything: bool, text: str) -> None:
         say(f"{what}: {kind(cls)}")
         show_component(cls, everything, text)
     elif path.suffix or what in (scenarios := scenario_paths.scenarios()):
-        show_scenario(path)
+        show_scenario(path, everything, text)
     else:
         raise TwinError(
             f"There is no component, scenario or FMU {what!r}. {nearest(what, [*catalog.names(), *scenarios])} See `twin list`."
@@ -80,7 +87,7 @@ def show_component(cls: type[Component], everything: bool, text: str) -> None:
         rows = [
             (
                 name_with_shape(variable),
-                start(variable),
+                start(variable, everything),
                 bounds(variable),
                 f"{variable.description}{f' (from: {variable.source})' * bool(variable.source)}",
             )
@@ -110,7 +117,7 @@ def show_fmu(path: Path, everything: bool, text: str) -> None:
         rows = [
             (
                 name_with_shape(variable),
-                start(variable),
+                start(variable, everything),
                 bounds(variable),
                 ": ".join(filter(None, (info.kind(variable.name), variable.description))),
             )
@@ -120,33 +127,64 @@ def show_fmu(path: Path, everything: bool, text: str) -> None:
         print_table(causality, rows)
 
 
-def show_scenario(path: Path) -> None:
-    """Print the description of a scenario, its variants, members, metrics and expectations."""
+def show_scenario(path: Path, everything: bool = False, text: str = "") -> None:
+    """Print the description of a scenario, its variants, members, metrics and expectations; with `text` what contains it."""
     from twin import clock
     from twin.scenario import load_scenario
 
     with show_elapsed(f"reading {path}"):
         scenario = load_scenario(path)
     say(f"{scenario.path}: {scenario.title}")
-    say_lines(f"{scenario.description}\n{scenario.source and f'From: {scenario.source}.'}")
+    if not text:
+        say_lines(f"{scenario.description}\n{scenario.source and f'From: {scenario.source}.'}")
     seeds = ", ".join(map(str, scenario.seeds))
     say(
         f"{clock.text(scenario.stop_ns)} at {clock.text(scenario.step_ns)}, {scenario.algorithm.described}, seeds {seeds}"
-    )
-    print_table("variant", [(case.variant, "", "", case.title) for case in scenario.variants])
-    print_table(
-        "member", [(name, "", "", component) for name, component in member_components(scenario).items()], "component"
     )
     metrics = [
         (name, "", "", metric.description or f"{metric.reduce} of {metric.signal.text}")
         for name, metric in scenario.metrics.items()
     ]
-    print_table("metric", metrics)
-    print_table("requirement", [(item.name, "", limits(item), "") for item in scenario.expectations])
-    if (record := scenario.mutations) is not None:
+    members = [(name, "", "", component) for name, component in member_components(scenario).items()]
+    tables: list[tuple[str, list[tuple[str, str, str, str]], str]] = [
+        ("variant", [(case.variant, "", "", case.title) for case in scenario.variants], "description"),
+        ("member", members, "component"),
+        ("metric", metrics, "description"),
+        ("requirement", [(item.name, "", limits(item), "") for item in scenario.expectations], "description"),
+    ]
+    for title, rows, last in tables:
+        print_table(title, [row for row in rows if text in " ".join(row)], last)
+    if everything or text:
+        show_settings(scenario, text)
+    else:
+        say("--all or --filter NAME shows parameters and connections.")
+    if (record := scenario.mutations) is not None and not text:
         detected = record.tried - len(record.unnoticed)
         say(f"The requirements detect {detected} of {record.tried} deliberate faults (benchmarks/mutations.py).")
         print_table("undetected fault", [(name, "", "", reason) for name, reason in record.unnoticed.items()], "reason")
+
+
+def show_settings(scenario: ScenarioSpec, text: str) -> None:
+    """Print the parameters of the members as they will run, and the connections: those that contain a text."""
+    from twin.run import parameter_rows, resolve_catalogs
+
+    rows = []
+    for row in parameter_rows(scenario.variants, resolve_catalogs(scenario), str(scenario.path)):
+        source = row.source.partition(": ")[0] if row.given else ""  # without that of the component's default
+        notes = "; ".join(filter(None, (source, row.variants and f"only {row.variants}")))
+        rows.append((f"{row.member}.{row.name}", " ".join(filter(None, (row.value, row.unit, notes and f"({notes})")))))
+    show_table(("parameter", "value"), [row for row in rows if text in row[0]], 2)
+    connections: dict[tuple[str, str], list[str]] = {}
+    for case in scenario.variants:
+        for link in case.connections:
+            connections.setdefault((link.source, link.target), []).append(case.variant)
+    several = any(len(variants) < len(scenario.variants) for variants in connections.values())
+    wires = [
+        (*ends, "" if len(variants) == len(scenario.variants) else f"only {', '.join(quote_names(variants))}")
+        for ends, variants in connections.items()
+        if text in " ".join(ends)
+    ]
+    show_table(("from", "to", *["variants"] * several), (wire[: 2 + several] for wire in wires), 3)
 
 
 def limits(item: Expectation) -> str:
@@ -168,14 +206,23 @@ def member_components(scenario: ScenarioSpec) -> dict[str, str]:
     components: dict[str, list[str]] = {}
     for case in scenario.variants:
         for name, spec in case.members.items():
-            components.setdefault(name, []).append(relative_name(spec.component))
+            components.setdefault(name, []).append(relative_name(spec.component, scenario.path.parent))
     return {name: " or ".join(dict.fromkeys(names)) for name, names in components.items()}
 
 
-def relative_name(component: str) -> str:
-    """Return a component's name, or the path of a file relative to the working directory."""
+def relative_name(component: str, folder: Path) -> str:
+    """Return a component's name, or the path of a file from the scenario's folder, or the name of a shipped scenario."""
+    from twin.scenario import scenario_paths
+
     path = Path(component)
-    return os.path.relpath(path) if path.is_absolute() else component
+    if not path.is_absolute():
+        return component
+    if path.is_relative_to(folder.resolve()):
+        return path.relative_to(folder.resolve()).as_posix()
+    file, mark, rest = component.partition("#")
+    name = Path(file).stem
+    shipped = scenario_paths.scenarios().get(name)
+    return f"{name}{mark}{rest}" if shipped and shipped.resolve() == Path(file) else os.path.relpath(path)
 
 
 def name_with_shape(variable: Variable | MemberVariable) -> str:
@@ -183,15 +230,19 @@ def name_with_shape(variable: Variable | MemberVariable) -> str:
     return f"{variable.name}[{','.join(map(str, variable.shape))}]" if variable.shape else variable.name
 
 
-def start(variable: Variable | MemberVariable) -> str:
-    """Return a start value with its unit: of an array the common value, or the first and dots."""
+def start(variable: Variable | MemberVariable, everything: bool = False) -> str:
+    """Return a start value with its unit: of an array the common value, else all if they are short, or else the first and dots."""
     import numpy as np
 
     values = [] if variable.start is None else list(np.ravel(variable.start))
     if not values:
         return unit(variable)
-    several = len({*map(str, values)}) > 1
-    return f"{value_text(values[0], variable)}{', ...' * several}"
+    texts = [value_text(value, variable) for value in values]
+    if len(set(texts)) == 1:
+        return texts[0]
+    label = f" {unit(variable)}".rstrip()
+    whole = f"{', '.join(text.removesuffix(label) for text in texts)}{label}"
+    return whole if everything or len(whole) <= SHORT else f"{texts[0]}, ... (--all)"
 
 
 def bounds(variable: Variable | MemberVariable) -> str:

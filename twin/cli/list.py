@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from twin import installed
 from twin.cli.options import filter_option, runs_option
 from twin.cli.terminal import open_console, show_text
-from twin.errors import TwinError, nearest
+from twin.errors import ScenarioError, TwinError, nearest, quote_names
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
+MAX_OVERRIDES = 4  # of a run
 Listing = dict[str, str]  # descriptions by name
 
 
@@ -46,7 +47,8 @@ def command(kinds: tuple[str, ...], text: str, runs: Path) -> None:
         listing = listings[kind]()
         lines = {name: line for name, line in listing.items() if text.lower() in f"{name} {line}".lower()}
         show_text("", f"{kind}: {len(lines)}", "bold")
-        for heading, names in by_topic(lines).items() if kind == "scenarios" else [("", [*lines])]:
+        group = {"scenarios": by_topic, "components": by_folder}.get(kind)
+        for heading, names in (group(lines) if group else {"": [*lines]}).items():
             if heading:
                 show_text("", f" {heading}:", "bold")
             show((name, lines[name]) for name in names)
@@ -71,6 +73,18 @@ def components() -> Listing:
     from twin.component import catalog
 
     return {name: catalog.summary(name) for name in catalog.names()}
+
+
+def by_folder(names: Iterable[str]) -> dict[str, list[str]]:
+    """Group components under the folder of their kind in `fmus`; those directly in `fmus` are the last."""
+    from twin.component import catalog
+
+    groups: dict[str, list[str]] = {}
+    for name in names:
+        folder = catalog.component_folder(name)
+        kind = folder.parent.name.capitalize() if folder else ""
+        groups.setdefault("Others" if kind in ("", "Fmus") else kind, []).append(name)
+    return dict(sorted(groups.items(), key=lambda group: (group[0] == "Others", group[0])))
 
 
 def titles(kind: str) -> Listing:
@@ -98,17 +112,37 @@ def runs_by_folder(folder: Path) -> Listing:
     """Return finished runs, the latest first, with their outcome."""
     from twin.results import finished_runs
 
-    return {path.as_posix(): outcome(path / "summary.json") for path in finished_runs(folder)}
+    return {path.as_posix(): outcome(path) for path in finished_runs(folder)}
 
 
-def outcome(path: Path) -> str:
-    """Return how a run ended, from its summary."""
+def outcome(folder: Path) -> str:
+    """Return how a run ended, from its summary, and in what it differs from the whole scenario."""
     from twin.results import count_verdicts
 
     try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
+        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         met, judged = count_verdicts(summary)
         cases = len(summary["cases"])
-        return f"{summary['status']}, {cases} case{'s' * (cases != 1)}, {met} of {judged} requirements met"
+        text = f"{summary['status']}, {cases} case{'s' * (cases != 1)}, {met} of {judged} requirements met"
+        return "; ".join([text, *settings(summary, folder / "scenario.yaml")])
     except (OSError, ValueError, KeyError, TypeError):
         return "its summary.json cannot be read"
+
+
+def settings(summary: dict[str, Any], scenario: Path) -> list[str]:
+    """Return the overrides of a run, its variants if not all of the scenario ran, and its seeds if not those of the scenario."""
+    from twin.scenario import read
+
+    overrides = summary.get("overrides", [])
+    more = [f"and {len(overrides) - MAX_OVERRIDES} more"] * (len(overrides) > MAX_OVERRIDES)
+    texts = [", ".join(["set " + overrides[0], *overrides[1:MAX_OVERRIDES], *more])] if overrides else []
+    try:
+        root = read(scenario, scenario.name)
+    except (OSError, ScenarioError):
+        return texts
+    variants, seeds = (list(dict.fromkeys(case[key] for case in summary["cases"])) for key in ("variant", "seed"))
+    if 0 < len(variants) < len(root.get("variants").entries):
+        texts.append(f"only {', '.join(quote_names(variants))}")
+    if seeds and seeds != [seed.value for seed in root.get("seeds").value or ()]:
+        texts.append(f"seed{'s' * (len(seeds) > 1)} {', '.join(map(str, seeds))}")
+    return texts

@@ -82,7 +82,7 @@ overrides_option = click.option(
     "overrides",
     multiple=True,
     metavar="PATH=VALUE",
-    help=f"Override a value of the scenario, e.g. {SET_EXAMPLE}, stop_time='5 s' or seeds='[1, 2]'. Repeatable.",
+    help=f"Override a value of the scenario, e.g. {SET_EXAMPLE}, stop_time='30 s' or seeds='[1, 2]'. Repeatable.",
 )
 variant_option = click.option("--variant", metavar="NAME", help="Variant of the scenario.  [default: the first]")
 seed_option = click.option("--seed", type=int, metavar="N", help="Random seed.  [default: the scenario's first]")

@@ -354,9 +354,11 @@ def show_verdict(outcome: RunResult, report: bool) -> None:
         word = ("PASS" if summary["passed"] else "FAIL") if judged else "DONE"
     factor = run.real_time_factor
     speed = f" ({factor:.{0 if factor >= 10 else 1}f}x real time)" if factor else ""
-    counts, end = (f"{met} of {judged} ", " ") if word == "PASS" else ("", " ")
+    skipped = sum(result["verdict"] == "skipped" for result in summary["expectations"])
+    rest = f", {skipped} not judged" * bool(skipped)
+    counts, end = (f"{met} of {judged}{rest} ", " ") if word == "PASS" else ("", " ")
     if met < judged and word != "PASS":
-        counts, end = f"{judged - met} of {judged} requirements failed, ", ": "
+        counts, end = f"{judged - met} of {judged} requirements failed{rest}, ", ": "
     folder = "latest" if outcome.folder.parent.parent == Path("runs") else str(outcome.folder)
     prefix = "DRY RUN, drives have not moved: " * bool(summary.get("hardware", {}).get("dry_run"))
     text, file = f"{counts}in {run.wall_time:.3g} s{speed}.", "report.html" if report else "summary.json"

@@ -115,6 +115,19 @@ def short(text: str) -> str:
     return repr(text if len(text) <= 40 else text[:37] + "...")
 
 
+def advice(text: str, amount: str = "") -> str:
+    """How to write a unit that is not known: in another case or by another name, if that is clear; else examples."""
+    if text.casefold() in ("bpm", "beats/min"):
+        return f"Write {f'{amount} /min'.strip()}."
+    names = [f"{prefix}{symbol}" for symbol, (prefixes, *_) in symbols.SYMBOLS.items() for prefix in ("", *prefixes)]
+    texts = [""]
+    for piece in re.split(f"({WORD.pattern})", text[: symbols.LONGEST]):
+        similar = [] if piece in names else [name for name in names if name.casefold() == piece.casefold()]
+        texts = [begin + name for begin in texts for name in similar or [piece]][:3]
+    valid = [other for other in texts if other != text and symbols.exactly(other)]
+    return f"Did you mean {' or '.join(valid)}?" if valid else ADVICE
+
+
 def spelled(text: str) -> str:
     """A unit's text with its powers as `^2`; CouplingError if it is no product of symbols, or too much work."""
     plain = text.translate(SUPERSCRIPTS) if len(text) <= symbols.LONGEST else ""
@@ -139,7 +152,7 @@ def describe(unit: str) -> Unit:
     except CouplingError:
         raise
     except Exception:  # pint raises exceptions of many types at invalid input
-        raise CouplingError(f"unit {short(unit)} is not known. {ADVICE}") from None
+        raise CouplingError(f"unit {short(unit)} is not known. {advice(unit)}") from None
     if not SMALLEST < described.factor < 1.0 / SMALLEST:
         raise CouplingError(f"unit {short(unit)} has no size that can be computed with. {ADVICE}")
     return Unit(round_trip(described.factor), described.offset, described.exponents)

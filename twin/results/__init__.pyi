@@ -64,3 +64,4 @@ from .recording.stream import RunRecording as RunRecording
 from .recording.stream import column_from_dict as column_from_dict
 from .recording.stream import column_to_dict as column_to_dict
 from .recording.stream import find_unfinished_runs as find_unfinished_runs
+from .summary_comparison import MetricChange as MetricChange

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from twin.errors import TwinError, nearest
 from twin.installed import import_optional
+from twin.results.evaluation.metric_format import display_units
 from twin.results.recording.run_folder import RecordedVariable
 from twin.results.recording.signal_reader import list_recorded_variables, read_variables
 from twin.results.recording.signals import format_value
@@ -17,10 +18,12 @@ from twin.results.resampling import common_times, excursion, resample
 from twin.results.summary_comparison import (
     MetricChange,
     Missing,
+    VerdictChange,
     compare_summaries,
     is_convertible,
     list_missing,
     metric_changes,
+    verdict_changes,
 )
 
 if TYPE_CHECKING:
@@ -41,7 +44,7 @@ DIFFERENT_TIMES = (
 class Difference:
     """Largest difference of a signal in a case. `value` [SI]; `part`: relative to the signal's largest magnitude in both.
 
-    `time`: first time at which it exceeds the tolerance [s].
+    `time`: first time at which it exceeds the tolerance [s]. `unit`: in which it is shown.
     """
 
     name: str
@@ -54,7 +57,7 @@ class Difference:
 
     @property
     def text(self) -> str:
-        """Difference in the signal's unit."""
+        """Difference in the unit in which the signal is shown."""
         return (
             format_value(self.value, self.unit, is_difference=True) if np.isfinite(self.value) else "no number in one"
         )
@@ -64,7 +67,7 @@ class Difference:
 class Comparison:
     """Result of a comparison. `signals`: in both runs; `problems`: different otherwise; `missing`: in one run only.
 
-    `changes`: of the metrics of both runs, also of those within the tolerance.
+    `changes`: of the metrics of both runs, also of those within the tolerance. `verdicts`: those that differ.
     """
 
     signals: tuple[Difference, ...]
@@ -73,6 +76,7 @@ class Comparison:
     tolerance: float
     missing: tuple[Missing, ...] = ()
     changes: tuple[MetricChange, ...] = ()
+    verdicts: tuple[VerdictChange, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Comparison: {self.headline}>"
@@ -82,7 +86,7 @@ class Comparison:
 
     @property
     def metrics(self) -> MetricTable:
-        """A row for each metric and variant, the largest relative change first; values are means over the seeds of both runs."""
+        """A row for each metric and variant, changes that are large over the seeds' spread first; values are means over the seeds."""
         import_optional("pandas", "python", "a DataFrame")
         from twin.results.metric_table import MetricTable
 
@@ -189,7 +193,11 @@ def compare_runs(
             ]
     missing += missing_signals(*recorded)
     changes = metric_changes(*summaries, variants)
-    return Comparison(tuple(differences), tuple(problems), tuple(notes), tolerance, tuple(missing), changes)
+    verdicts = () if patterns or variants else verdict_changes(*summaries)
+    metric_units = {f"metric {name}": metric["unit"] for name, metric in summaries[0]["metrics"].items()}
+    units = display_units(metric_units | {name: entry.display_unit or entry.unit for name, entry in first.items()})
+    shown = tuple(replace(entry, unit=units[entry.name]) for entry in differences)
+    return Comparison(shown, tuple(problems), tuple(notes), tolerance, tuple(missing), changes, verdicts)
 
 
 def missing_signals(first: Mapping[str, Sequence[str]], second: Mapping[str, Sequence[str]]) -> list[Missing]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from twin.results.recording.signals import format_value, si_conversion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
+
+SMALLEST_SPREAD = 1e-3  # of the largest value in the same unit: what a metric around zero may change without meaning
 
 
 @dataclass(frozen=True)
@@ -41,13 +43,17 @@ class Missing:
 
 @dataclass(frozen=True)
 class MetricChange:
-    """Values of a metric of a variant in both runs, in `unit`: means over the seeds of both; None without a value."""
+    """Values of a metric of a variant in both runs, in `unit`: means over the seeds of both; None without a value.
+
+    `spread`: standard deviation over the seeds, the larger of both runs, and at least a thousandth of the largest value in this unit.
+    """
 
     metric: str
     variant: str
     unit: str
     first: float | None
     second: float | None
+    spread: float = 0.0
 
     @property
     def change(self) -> float | None:
@@ -62,17 +68,25 @@ class MetricChange:
         return self.change / abs(self.first) if self.first else self.change and float(np.copysign(inf, self.change))
 
     @property
-    def rank(self) -> float:
-        """Sorting key: metrics with a value in one run only, then by relative change, the largest first."""
-        if self.relative is None:
-            return 0.0 if self.first is self.second else -inf
-        return -abs(self.relative)
+    def significance(self) -> float:
+        """Magnitude of the change over the spread of the seeds; infinite with a value in one run only."""
+        if self.change is None:
+            return 0.0 if self.first is self.second else inf
+        return abs(self.change) / self.spread if self.spread else inf if self.change else 0.0
+
+
+class VerdictChange(NamedTuple):
+    """Verdict of a requirement in both runs, or of a metric that has a reference value: `force of PI`."""
+
+    name: str
+    first: str
+    second: str
 
 
 def metric_changes(
     first: Mapping[str, Any], second: Mapping[str, Any], variants: Sequence[str] = ()
 ) -> tuple[MetricChange, ...]:
-    """Return the metrics that both summaries have, by relative change, the largest first. `variants`: all without any."""
+    """Return the metrics that both summaries have, the change that is largest over the seeds' spread first. `variants`: all without any."""
     changes = []
     for name, metric in first["metrics"].items():
         if (other := second["metrics"].get(name)) is None:
@@ -84,12 +98,42 @@ def metric_changes(
                 continue
             values, other_values = (entry["variants"][variant]["values"] for entry in (metric, other))
             seeds = [seed for seed in values if seed in other_values]
+            scale = other_factor / factor if metric["unit"] != other["unit"] else 1.0
             mean = mean_value([values[seed] for seed in seeds])
             other_mean = mean_value([other_values[seed] for seed in seeds]) if is_scale else None
-            if other_mean is not None and metric["unit"] != other["unit"]:
-                other_mean *= other_factor / factor
-            changes.append(MetricChange(name, variant, metric["unit"], mean, other_mean))
-    return tuple(sorted(changes, key=lambda change: change.rank))
+            other_mean = None if other_mean is None else other_mean * scale
+            spread = 0.0
+            if mean is not None and other_mean is not None:
+                own, its = ([entry[seed] for seed in seeds] for entry in (values, other_values))
+                spread = max(float(np.std(own)), float(np.std(its)) * scale)
+            changes.append(MetricChange(name, variant, metric["unit"], mean, other_mean, spread))
+    sizes: dict[str, float] = {}
+    for change in changes:
+        sizes[change.unit] = max(
+            sizes.get(change.unit, 0.0), *(abs(v) for v in (change.first, change.second, 0.0) if v is not None)
+        )
+    changes = [replace(change, spread=max(change.spread, SMALLEST_SPREAD * sizes[change.unit])) for change in changes]
+    return tuple(sorted(changes, key=lambda change: -change.significance))
+
+
+def verdict_changes(first: Mapping[str, Any], second: Mapping[str, Any]) -> tuple[VerdictChange, ...]:
+    """Return the verdicts that differ, of requirements and of metrics with a reference value, new failures first."""
+    outcomes: list[dict[str, str]] = [
+        {entry["name"]: entry["verdict"] for entry in summary["expectations"]}
+        | {
+            f"{name} of {variant}": result["verdict"]
+            for name, metric in summary["metrics"].items()
+            for variant, result in metric["variants"].items()
+            if result.get("verdict")
+        }
+        for summary in (first, second)
+    ]
+    changes = [
+        VerdictChange(name, verdict, outcomes[1][name])
+        for name, verdict in outcomes[0].items()
+        if outcomes[1].get(name, verdict) != verdict
+    ]
+    return tuple(sorted(changes, key=lambda change: (change.second != "fail", change.first != "fail")))
 
 
 def mean_value(values: Sequence[float | None]) -> float | None:

@@ -40,7 +40,7 @@ class ParameterRow:
 def parameter_rows(
     cases: Sequence[Case], catalogs: Mapping[str, Catalog], scenario_file: str = ""
 ) -> list[ParameterRow]:
-    """List every parameter of every variant, equal ones once. `scenario_file`: as in locations; other files are named."""
+    """List every parameter, and input that a file sets, of every variant, equal ones once. `scenario_file`: as in locations; other files are named."""
     variants_of: dict[tuple[str, str], dict[tuple[str, str, str, bool], list[str]]] = {}
     descriptions: dict[tuple[str, str], str] = {}
     for case in cases:
@@ -48,9 +48,10 @@ def parameter_rows(
             spec, values = case.members[member], case.values(member, variables)
             group_values, sources = getattr(spec.made, "starts", {}), declared_sources(spec)
             for name, variable in variables.items():
-                if variable.causality not in ("parameter", "structuralParameter"):
-                    continue
                 setter = find_setter(spec, name, scenario_file)
+                is_given_input = variable.causality == "input" and setter
+                if variable.causality not in ("parameter", "structuralParameter") and not is_given_input:
+                    continue
                 if name == "seed" and not setter:
                     continue  # differs in every run
                 value = values.get(name, group_values.get(name, variable.start))

@@ -6,6 +6,7 @@ from copy import copy
 from typing import TYPE_CHECKING, Any, Self
 
 from twin import clock
+from twin.component import unit as units
 from twin.errors import CouplingError
 from twin.results import Analysis, Expectation, Metric, Plot, PlotCurve, Window, dimension
 from twin.scenario.keys import quantities
@@ -69,7 +70,7 @@ class Builder:
         try:
             quantities.to_si(unit)
         except CouplingError:
-            self.problem(f"unit `{unit}` is not known. Write it like N, mm/s, mm/(s*N), deg.", key)
+            self.problem(f"unit `{unit}` is not known. {units.advice(unit)}", key)
             return ""
         return unit
 

@@ -127,7 +127,7 @@ def number(value: Any, target: str, what: str, is_difference: bool = False) -> f
         factor, offset = conversion(symbol, target)
     except CouplingError as error:
         if "is not known" in str(error):
-            text = f"{what}: unit `{symbol}` is not known. Write it like N, mm/s, mm/(s*N), deg."
+            text = f"{what}: unit `{symbol}` is not known. {unit.advice(symbol, parts[0])}"
             raise CouplingError(text) from None
         wanted = target or "a plain number"
         raise CouplingError(f"{what}: `{short(value)}` does not convert to {wanted}. Give it as {wanted}.") from None

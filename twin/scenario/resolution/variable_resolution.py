@@ -15,7 +15,7 @@ from twin.scenario.keys import quantities
 from twin.scenario.resolution.restrict_to_known import restrict
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from twin.component import Component
     from twin.coupling import Catalog, MemberVariable
@@ -113,7 +113,16 @@ def resolve_variables(scenario: ScenarioSpec, *, imports: bool = True) -> tuple[
         problems |= dict.fromkeys(check_members(case, catalogs[case.variant], variable_cache.classes))
     problems |= dict.fromkeys(check_against(restricted, catalogs, variable_cache.classes))
     problems |= dict.fromkeys(advise_names(scenario, catalogs, list(problems)))
-    return catalogs, list(problems)
+    return catalogs, merge_unknown_names(problems)
+
+
+def merge_unknown_names(problems: Iterable[str]) -> list[str]:
+    """Keep one of the problems that differ in the suggested names only, since components of variants differ: a sure suggestion first."""
+    groups: dict[str, list[str]] = {}
+    for problem in problems:
+        unknown = re.match(r".*has no variable `[^`]*`\.", problem)
+        groups.setdefault(unknown[0] if unknown else problem, []).append(problem)
+    return [max(group, key=lambda text: (not text.partition("Known:")[1], len(text))) for group in groups.values()]
 
 
 def advise_names(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog], problems: Sequence[str]) -> list[str]:
