@@ -130,10 +130,11 @@ function expectations() {
   const isSkipped = (own) => own.every(({ verdict }) => verdict === "skipped"), groups = byName(about.expectations, ({ name }) => name), problem = about.runs.map((run) => run.problem).filter(Boolean);
   const rowOf = (own) => {
     const [one] = [...own].sort((a, b) => (b.verdict === "fail") - (a.verdict === "fail")), label = element("span", ""), badges = element("span", "");
-    const found = button("", () => goTo(one), { className: "outcome", disabled: !one.signal || !nameInPage(one.signal) }), details = new Set(own.map(({ detail }) => detail));
+    const found = button("", () => goTo(one), { className: "outcome", disabled: !one.signal || !nameInPage(one.signal) }), detailsOf = (some) => some.map(({ run, detail }) => `${several ? `${about.runs[run].letter}: ` : ""}${detail}`).join(" ");
     badges.append(...(several ? about.runs.flatMap(({ letter: run }, r) => [`${run} `, badge(own.find((each) => each.run === r)?.verdict), element("br", "")]) : [badge(one.verdict)]));
-    found.title = (details.size > 1 ? own.map(({ run, detail }) => `${about.runs[run].letter}: ${detail}`) : [...details]).join("; ");
-    label.append(element("b", one.name), " ", element("small", found.title === one.name ? "" : found.title));
+    const small = detailsOf(several ? own.filter(({ verdict }) => verdict === "fail") : own);
+    found.title = detailsOf(own);
+    label.append(element("b", one.name), " ", element("small", small === one.name ? "" : small));
     found.append(badges, label);
     found.classList.toggle("bad", one.verdict === "fail");
     return found;
@@ -168,7 +169,7 @@ function metrics() {
   box.querySelector("div").replaceChildren(...byName(about.metrics, ({ name, unit }) => `${name} ${unit}`).map((own) => {
     const [one] = own, found = element("div", "", { className: "metric" }), table = element("table", ""), reference = referenced(own).length > 0;
     found.append(button(`${one.description || one.name}${one.unit ? ` [${one.unit}]` : ""}`, () => goTo({ ...one, spans: {} }), { className: "name", title: `${one.name}: ${one.definition}`, disabled: !one.signal || !nameInPage(one.signal) }), table);
-    const head = table.insertRow(), titles = [...(several ? about.runs.map((run) => run.letter) : reference ? ["twin"] : []), ...(isPair ? ["B − A"] : []), ...(reference ? ["paper", compared(own).length ? one.tolerance ?? "" : ""] : [])];
+    const head = table.insertRow(), titles = [...(several ? about.runs.map((run) => run.letter) : reference ? ["twin"] : []), ...(isPair ? ["B − A"] : []), ...(reference ? ["paper"] : []), ...(reference && !several ? [compared(own).length ? one.tolerance ?? "" : ""] : [])];
     if (titles.length) ["", ...titles].forEach((text) => head.append(element("th", text)));
     for (const variant of new Set(own.flatMap(({ rows }) => rows.map((row) => row.variant)))) {
       const made = table.insertRow(), rows = about.runs.map((_, r) => own.find(({ run }) => run === r)?.rows.find((row) => row.variant === variant));
@@ -177,8 +178,8 @@ function metrics() {
       for (const row of rows) {
         const cell = made.insertCell();
         cell.append(row?.value ?? "–", " ");
-        if (row?.range) cell.append(element("small", row.range, { title: "lowest and highest value of the seeds" }), " ");
-        if (several && row) cell.append(badge(row.verdict));
+        if (row?.range) Object.assign(cell, { title: `seeds: ${row.range}` });
+        if (several && row) cell.append(badge(row.verdict)); else if (row?.range) cell.append(element("small", row.range));
       }
       if (isPair) made.insertCell().textContent = difference(...rows.map((row) => row?.value));
       if (reference) made.insertCell().textContent = rows.find((row) => row?.reference)?.reference ?? "";

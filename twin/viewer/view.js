@@ -179,7 +179,7 @@ function begin() {
   for (const id of ["from", "to"]) {
     find(id).onchange = () => {
       const pair = ["from", "to"].map((end) => numberOf(find(end)));
-      if (pair[1] > pair[0]) { state.window = pair; show(); } else refuse(find(id), "Numbers in s, from below to.");
+      if (pair[1] > pair[0]) { state.window = pair; show(); } else refuse(find(id), "from must be below to, both numbers in s.");
     };
   }
   find("all").onclick = () => { state.window = null; state.span = null; show(); };
