@@ -9,7 +9,7 @@ import zipfile
 from pathlib import Path
 from types import SimpleNamespace
 
-import pyarrow
+import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
@@ -62,7 +62,7 @@ def test_names_of_studies_and_their_cases(tmp_path):
         folder = runs / "patients" / name
         (folder / "cases" / "x" / "run").mkdir(parents=True)
         (folder / manifest.NAME).write_text(json.dumps({"runs": {"7": "cases/x/run"}}))
-        parquet.write_table(pyarrow.table({"case": range(1, 9)}), folder / case_table.NAME)
+        parquet.write_table(pa.table({"case": range(1, 9)}), folder / case_table.NAME)
     newest = runs / "patients" / "b"
     (runs / "patients" / "latest").symlink_to("b")
     assert latest(runs, "patients") == newest

@@ -36,7 +36,7 @@ def test_what_failed_is_shown_first_and_shaded(open_page, folders):
     page.page.locator(".twin-hover .twin-fail").wait_for()
     assert page.page.locator(".twin-hover .twin-fail").all_inner_texts() == ["fails: it stays near, in A: fast"]
     page.page.locator("#all").click()
-    page.page.get_by_text("A: it stays near").click()
+    page.page.locator("#expectations").get_by_text("it stays near").click()
     page.drawn()
     window = page.state["window"]
     assert window[0] < first < window[1] < first + 0.5
@@ -463,12 +463,14 @@ def test_results_of_two_runs_share_their_rows(browser, folders, tmp_path):
         assert texts[0] == "Metrics: A: 1 of 1 as in the paper; B: 1 compared, settings differ from the paper's"
         assert texts[1] == "Requirements: A: 1 of 2 failed; B: 2, none failed"
         rows = page.locator("#metrics tr")
-        assert rows.nth(0).locator("th").all_inner_texts() == ["", "A", "B", "B − A", "paper"]
+        assert rows.nth(0).locator("th").all_inner_texts() == ["", "A", "B", f"B {MINUS} A", "paper"]
         slow = rows.nth(1).locator("td").all_inner_texts()
         first, second = (float(text.split()[0]) for text in slow[1:3])
         assert (slow[0], slow[1].split()[1], float(slow[4])) == ("slow", "pass", 20.0)
         assert float(slow[3]) == pytest.approx(second - first, abs=1e-6)
         assert rows.count() == 3
-        outcomes = [text.split() for text in page.locator("#expectations .outcome > span:first-child").all_inner_texts()]
+        outcomes = [
+            text.split() for text in page.locator("#expectations .outcome > span:first-child").all_inner_texts()
+        ]
         assert outcomes == [["A", "FAIL", "B", "pass"], ["A", "pass", "B", "pass"]]
         context.close()

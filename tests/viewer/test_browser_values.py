@@ -147,7 +147,7 @@ def test_the_table_follows_while_the_time_plays(open_page):
 def test_metrics_stand_beside_the_curves(open_page):
     page = open_page()
     metric = page.page.locator("#metrics .metric").first
-    assert metric.locator("th").all_inner_texts()[1:] == ["A", "B", "B − A", "paper"]
+    assert metric.locator("th").all_inner_texts()[1:] == ["A", "B", f"B {MINUS} A", "paper"]
     slow = metric.locator("tr").nth(1).locator("td").all_inner_texts()
     assert (slow[0], slow[1].split()[1], float(slow[4])) == ("slow", "pass", 20.0)
     metric.locator(".name").click()
@@ -236,8 +236,10 @@ def test_statistics_of_seeds_are_those_of_metrics(browser, tmp_path):
     assert (shown["mean"], shown["std"]) == pytest.approx((0.0, force.std()), abs=0.01)
     assert (shown["min"], shown["max"]) == pytest.approx((-1.0 - force.max(), 1.0 + force.max()), abs=0.01)
     assert shown["peak to peak"] == pytest.approx(2.0 * force.max(), abs=0.02)  # the mean of both, not max - min of all
-    opened.page.evaluate("const { chart } = document.getElementById('chart'); chart.cursors = [1, 1]; chart.notifyCursors()")
-    opened.until("() => document.querySelector('#values tr').innerText.includes('B − A')")
+    opened.page.evaluate(
+        "const { chart } = document.getElementById('chart'); chart.cursors = [1, 1]; chart.notifyCursors()"
+    )
+    opened.until("() => document.querySelector('#values tr').innerText.includes('B \\u2212 A')")
     assert opened.page.locator("#summarized").inner_text().startswith("of the whole time; seeds: min and max of all")
     context.close()
 

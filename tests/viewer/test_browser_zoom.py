@@ -145,8 +145,12 @@ def test_two_panes_with_their_times_are_seen_together(browser, tmp_path, height,
             field.press("Enter")
             page.page.wait_for_function("document.getElementById('signal').value === ''")
             page.drawn()
-        scene, stage, new = (page.page.locator(name).last.bounding_box() for name in ("#scene", "#stage", ".twin-legend"))
-        assert scene["y"] == pytest.approx(stage["y"], abs=1)  # it stays where it is while the page goes to the new pane
+        scene, stage, new = (
+            page.page.locator(name).last.bounding_box() for name in ("#scene", "#stage", ".twin-legend")
+        )
+        assert scene["y"] == pytest.approx(
+            stage["y"], abs=1
+        )  # it stays where it is while the page goes to the new pane
         assert is_low or new["y"] >= scene["y"] + scene["height"]
         assert page.wrong == []
         context.close()
