@@ -129,7 +129,7 @@ function expectations() {
   const box = find("expectations"), isFolded = !box.querySelector("details[open]"), several = about.runs.length > 1;
   const isSkipped = (own) => own.every(({ verdict }) => verdict === "skipped"), groups = byName(about.expectations, ({ name }) => name), problem = about.runs.map((run) => run.problem).filter(Boolean);
   const rowOf = (own) => {
-    const [one] = [...own].sort((a, b) => (b.verdict === "fail") - (a.verdict === "fail")), label = element("span", ""), badges = element("span", "");
+    const [one] = [...own].sort((a, b) => (b.verdict === "fail") - (a.verdict === "fail")), label = element("span", ""), badges = element("div", "");
     const found = button("", () => goTo(one), { className: "outcome", disabled: !one.signal || !nameInPage(one.signal) }), detailsOf = (some) => some.map(({ run, detail }) => `${several ? `${about.runs[run].letter}: ` : ""}${detail}`).join(" ");
     badges.append(...(several ? about.runs.flatMap(({ letter: run }, r) => [`${run} `, badge(own.find((each) => each.run === r)?.verdict), element("br", "")]) : [badge(one.verdict)]));
     const small = detailsOf(several ? own.filter(({ verdict }) => verdict === "fail") : own);
