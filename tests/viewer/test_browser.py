@@ -335,7 +335,7 @@ def test_what_was_not_judged_is_not_counted_and_many_varied_values_are_folded(br
         page = Page(context, address).page
         assert page.locator("#metrics summary").inner_text() == "Metrics: 1 compared, settings differ from the paper's"
         assert page.locator("#metrics th").all_inner_texts() == ["", "twin", "paper", ""]
-        assert page.locator("#expectations summary").inner_text() == "Requirements: 1 of 1 failed, 1 not judged"
+        assert page.locator("#expectations > summary").inner_text() == "Requirements: 1 of 1 failed, 1 not judged"
         folded = page.locator("#expectations div > details")
         assert folded.inner_text() == "not judged (1)"
         folded.locator("summary").click()
