@@ -5,7 +5,9 @@ import re
 import shutil
 from pathlib import Path
 
+import pyarrow as pa
 import pytest
+from pyarrow import parquet
 
 from tests.scene.drawings import svg
 from tests.scene.test_playing import PAD, SCENARIO
@@ -136,7 +138,7 @@ def test_a_case_of_a_study_that_was_kept(view, folder):
     (run,) = (folder / "runs/swing").glob("2*")
     study = folder / "runs/hearts_713/2026-11-22_10-00-00"
     shutil.copytree(run, study / "cases/swing/2026-11-22_10-00-01")
-    (study / "cases.parquet").touch()
+    parquet.write_table(pa.table({"case": range(1, 714)}), study / "cases.parquet")
     (study / "manifest.json").write_text('{"runs": {"713": "cases/swing/2026-11-22_10-00-01"}}')
     assert view("hearts_713:713", "--signal", "swing.travel", "-o", "case.html")[0] == 0
     code, _, told = view("hearts_713:3", "-o", "case.html")

@@ -98,7 +98,7 @@ def test_what_is_not_there(study, place, monkeypatch):
     for call, text in (
         (lambda: study.worst_case("reachd"), "Did you mean 'reached'?"),
         (lambda: study.worst_case("reached", "plan"), "Did you mean 'plain'?"),
-        (lambda: study.case(9), "has no case 9. There are 6."),
+        (lambda: study.case(9), "has no case 9. The study has cases 1 to 6."),
         (lambda: twin.open_study("gain"), "Did you mean 'gains'?"),
         (lambda: twin.open_study(study.folder.parent), "is a folder of studies. Name one of them"),
     ):

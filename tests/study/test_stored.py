@@ -9,7 +9,9 @@ import zipfile
 from pathlib import Path
 from types import SimpleNamespace
 
+import pyarrow as pa
 import pytest
+from pyarrow import parquet
 
 from tests.study.patients import study_file
 from twin.errors import ScenarioError
@@ -33,7 +35,7 @@ def test_a_single_row_of_the_table(tmp_path):
     assert row["heart.rate"] == requests[1].values[0]
     assert (row["force_max"], row["motion"], row["holds: gentle"]) == (0.5, None, True)
     assert (row["holds: softer is gentler"], row["status"], row["tries"], row["seconds"]) == (None, "done", 1, 0.1)
-    with pytest.raises(ScenarioError, match=r"has no case 4\. There are 3\."):
+    with pytest.raises(ScenarioError, match=r"has no case 4\. The study has cases 1 to 3\."):
         case_table.single(tmp_path, 4)
 
 
@@ -60,7 +62,7 @@ def test_names_of_studies_and_their_cases(tmp_path):
         folder = runs / "patients" / name
         (folder / "cases" / "x" / "run").mkdir(parents=True)
         (folder / manifest.NAME).write_text(json.dumps({"runs": {"7": "cases/x/run"}}))
-        (folder / case_table.NAME).touch()
+        parquet.write_table(pa.table({"case": range(1, 9)}), folder / case_table.NAME)
     newest = runs / "patients" / "b"
     (runs / "patients" / "latest").symlink_to("b")
     assert latest(runs, "patients") == newest
@@ -78,6 +80,8 @@ def test_names_of_studies_and_their_cases(tmp_path):
     assert stored_case_folder("patients:7", runs) == newest / "cases/x/run"
     with pytest.raises(ScenarioError, match=r"did not keep this case's signals\. Kept: 7\. Run it again"):
         stored_case_folder("patients:8", runs)
+    with pytest.raises(ScenarioError, match=r"has no case 9\. The study has cases 1 to 8\."):
+        stored_case_folder("patients:9", runs)
     assert study_of_run(newest / "cases" / "x" / "run") == newest
     assert study_of_run(newest) == newest
     assert study_of_run(newest / "cases" / "x" / "run" / "below") is None  # too far below

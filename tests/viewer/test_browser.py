@@ -36,7 +36,7 @@ def test_what_failed_is_shown_first_and_shaded(open_page, folders):
     page.page.locator(".twin-hover .twin-fail").wait_for()
     assert page.page.locator(".twin-hover .twin-fail").all_inner_texts() == ["fails: it stays near, in A: fast"]
     page.page.locator("#all").click()
-    page.page.get_by_text("A: it stays near").click()
+    page.page.locator("#expectations").get_by_text("it stays near").click()
     page.drawn()
     window = page.state["window"]
     assert window[0] < first < window[1] < first + 0.5
@@ -305,6 +305,22 @@ def test_a_wrong_expression_is_marked_and_adds_no_pane(open_page):
     assert (field.get_attribute("aria-invalid"), across.get_attribute("aria-invalid")) == ("false", "true")
     page.page.locator("#all").click()
     wrong.wait_for(state="detached")
+    page.page.get_by_label("kind of plot").select_option("time")
+    field.fill("1 / 0 * heart.position")
+    field.press("Enter")
+    wrong.wait_for()
+    assert wrong.inner_text() == "1 / 0 * heart.position: has no finite value in the visible time."
+    assert len(page.state["panes"]) == 2
+    page.page.locator("#all").click()
+    for number in (page.page.locator("#cases .run input").nth(1), page.page.locator("#from")):
+        for text in ("abc", ""):
+            number.fill(text)
+            number.press("Enter")
+            wrong.wait_for()
+            assert (number.input_value(), number.get_attribute("aria-invalid")) == (text, "true")
+        assert (page.state["offsets"], page.state["window"]) == ([0, 0], None)
+        page.page.locator("#all").click()
+        wrong.wait_for(state="detached")
 
 
 def test_what_was_not_judged_is_not_counted_and_many_varied_values_are_folded(browser, folders, tmp_path):
@@ -319,7 +335,11 @@ def test_what_was_not_judged_is_not_counted_and_many_varied_values_are_folded(br
         page = Page(context, address).page
         assert page.locator("#metrics summary").inner_text() == "Metrics: 1 compared, settings differ from the paper's"
         assert page.locator("#metrics th").all_inner_texts() == ["", "twin", "paper", ""]
-        assert page.locator("#expectations summary").inner_text() == "Requirements: 1 of 1 failed, 1 not judged"
+        assert page.locator("#expectations > summary").inner_text() == "Requirements: 1 of 1 failed, 1 not judged"
+        folded = page.locator("#expectations div > details")
+        assert folded.inner_text() == "not judged (1)"
+        folded.locator("summary").click()
+        assert folded.locator(".outcome b").all_inner_texts() == ["skipped", "it never stops"]
         varied = page.locator("#cases .run details")
         assert varied.inner_text() == "4 changed values"
         varied.locator("summary").click()
@@ -428,3 +448,27 @@ def test_runs_are_moved_in_time(open_page):
     (pane,) = page.curves()
     first = {one["label"][0]: one["x"][0] for one in pane["curves"]}
     assert first == {"A": 0.0, "B": 0.5}
+
+
+def test_results_of_two_runs_share_their_rows(browser, folders, tmp_path):
+    """Each run has its own count: what is not judged in one does not add to what is judged in the other."""
+    other = shutil.copytree(folders[1], tmp_path / "other")
+    summary = json.loads((other / "summary.json").read_text())
+    summary["metrics"]["mean_speed"]["variants"]["slow"]["verdict"] = "other"
+    (other / "summary.json").write_text(json.dumps(summary))
+    with viewed(folders[0], other) as address:
+        context = browser.new_context(viewport={"width": 1400, "height": 900})
+        page = Page(context, address).page
+        texts = [page.locator(f"#{name} > summary").inner_text() for name in ("metrics", "expectations")]
+        assert texts[0] == "Metrics: A: 1 of 1 as in the paper; B: 1 compared, settings differ from the paper's"
+        assert texts[1] == "Requirements: A: 1 of 2 failed; B: 2, none failed"
+        rows = page.locator("#metrics tr")
+        assert rows.nth(0).locator("th").all_inner_texts() == ["", "A", "B", f"B {MINUS} A", "paper"]
+        slow = rows.nth(1).locator("td").all_inner_texts()
+        first, second = (float(text.split()[0]) for text in slow[1:3])
+        assert (slow[0], slow[1].split()[1], float(slow[4])) == ("slow", "pass", 20.0)
+        assert float(slow[3]) == pytest.approx(second - first, abs=1e-6)
+        assert rows.count() == 3
+        outcomes = [text.split() for text in page.locator("#expectations .outcome > div").all_inner_texts()]
+        assert outcomes == [["A", "FAIL", "B", "pass"], ["A", "pass", "B", "pass"]]
+        context.close()

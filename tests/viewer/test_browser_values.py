@@ -147,9 +147,9 @@ def test_the_table_follows_while_the_time_plays(open_page):
 def test_metrics_stand_beside_the_curves(open_page):
     page = open_page()
     metric = page.page.locator("#metrics .metric").first
-    assert metric.locator("th").all_inner_texts()[1:3] == ["twin", "paper"]
+    assert metric.locator("th").all_inner_texts()[1:] == ["A", "B", f"B {MINUS} A", "paper"]
     slow = metric.locator("tr").nth(1).locator("td").all_inner_texts()
-    assert (slow[0], float(slow[2]), slow[3]) == ("slow", 20.0, "pass")
+    assert (slow[0], slow[1].split()[1], float(slow[4])) == ("slow", "pass", 20.0)
     metric.locator(".name").click()
     assert [one["title"] for one in page.curves()] == ["heart.velocity", "heart.position"]
     assert page.state["window"] == pytest.approx([0.5, 2.0])
@@ -226,16 +226,21 @@ def test_the_slope_of_a_page_is_that_of_the_line(browser, tmp_path):
 def test_statistics_of_seeds_are_those_of_metrics(browser, tmp_path):
     """The mean curve of these seeds is zero."""
     time, force = wave(100.0, 2.0)
-    cases = {("PI", seed): (time, {"sensor.force": factor * force + 1.0}) for seed, factor in ((1, 1.0), (2, -1.0))}
+    cases = {("PI", seed): (time, {"sensor.force": factor * (force + 1.0)}) for seed, factor in ((1, 1.0), (2, -1.0))}
     page = embedded_page(runs(folder_of(tmp_path / "run", cases, [FORCE])), ["sensor.force"], [0, 1])
     (tmp_path / "page.html").write_text(page.text)
     context = browser.new_context(offline=True)
     opened = Page(context, (tmp_path / "page.html").as_uri())
     head, *_, values = table(opened, ["std"])
     shown = dict(zip(head[1:], map(float, values[1:]), strict=True))
-    assert (shown["mean"], shown["std"]) == pytest.approx((1.0, force.std()), abs=0.01)
-    assert (shown["min"], shown["max"]) == pytest.approx((1.0 - force.max(), 1.0 + force.max()), abs=0.01)
-    assert shown["peak to peak"] == pytest.approx(2.0 * force.max(), abs=0.02)
+    assert (shown["mean"], shown["std"]) == pytest.approx((0.0, force.std()), abs=0.01)
+    assert (shown["min"], shown["max"]) == pytest.approx((-1.0 - force.max(), 1.0 + force.max()), abs=0.01)
+    assert shown["peak to peak"] == pytest.approx(2.0 * force.max(), abs=0.02)  # the mean of both, not max - min of all
+    opened.page.evaluate(
+        "const { chart } = document.getElementById('chart'); chart.cursors = [1, 1]; chart.notifyCursors()"
+    )
+    opened.until("() => document.querySelector('#values tr').innerText.includes('B \\u2212 A')")
+    assert opened.page.locator("#summarized").inner_text().startswith("of the whole time; seeds: min and max of all")
     context.close()
 
 
@@ -279,20 +284,26 @@ def test_the_read_out_shows_the_range_of_the_seeds(seeds_page):
         assert "±" not in title  # every sample is drawn
 
 
-def test_the_read_out_of_a_thinned_range_says_how_far_its_samples_are(browser, tmp_path):
-    """A ramp of 100 N/s in 40,000 samples: only extremes of a pixel are drawn, and a value is that of its time within the stated distance."""
+def test_the_pointer_reads_exact_samples_and_the_bracket_is_of_seeds(browser, tmp_path):
+    """Two seeds of 40,000 samples: the extremes of a pixel are drawn, and say how far they are until the samples at the pointer are read."""
     time = np.arange(40_000) / 20_000
-    cases = {("PI", seed): (time, {"sensor.force": 100.0 * time}) for seed in (1, 2)}
+    forces = np.random.default_rng(1).normal(size=(2, 40_000))
+    cases = {("PI", seed): (time, {"sensor.force": force}) for seed, force in enumerate(forces, 1)}
     (tmp_path / "page.html").write_text(
         embedded_page(runs(folder_of(tmp_path / "run", cases, [FORCE])), ["sensor.force"], [0, 1]).text
     )
     context = browser.new_context(viewport={"width": 900, "height": 420}, offline=True)
     page = Page(context, (tmp_path / "page.html").as_uri())
-    page.page.mouse.move(*page.place(0.5))
-    page.page.locator(".twin-hover").wait_for()
-    title, *rows = page.page.locator(".twin-hover").inner_text().splitlines()
-    at, distance = map(float, re.fullmatch(r"(\S+) s ± (\S+) ms", title).groups())
-    values = [float(text) for text in re.search(r"(\S+) N \((\S+) to (\S+)\)", " ".join(rows)).groups()]
+    page.page.evaluate("""() => { window.seen = []; const { chart } = document.getElementById("chart"), show = chart.showReadout.bind(chart);
+        chart.showReadout = (hover) => { window.seen.push(hover.title); show(hover); }; }""")
+    page.page.mouse.move(*page.place(0.43))
+    page.until("() => window.seen.length > 1")
+    first, *_, title = page.page.evaluate("window.seen")
+    distance = float(re.fullmatch(r"\S+ s, within (\S+) ms", first)[1])
     assert 0.05 < distance < 10.0
-    assert values == pytest.approx([100.0 * at] * 3, abs=0.1 * distance + 0.2)
+    _, *rows = page.page.locator(".twin-hover").inner_text().splitlines()
+    values = [float(text) for text in re.search(r"(\S+) N \((\S+) to (\S+)\)", " ".join(rows)).groups()]
+    near = np.abs(time - float(re.fullmatch(r"(\S+) s", title)[1])) <= 1.01e-4  # the time has four digits
+    samples = np.array([forces.mean(axis=0), forces.min(axis=0), forces.max(axis=0)])[:, near]
+    assert np.abs(samples.T - values).max(axis=1).min() < 0.01
     context.close()

@@ -88,6 +88,37 @@ def test_a_vertical_drag_and_the_wheel_over_numbers_zoom_y(open_page):
     assert "range" not in page.state["panes"][0]
 
 
+def test_the_wheel_zooms_time_and_frequency_up_to_their_ends(open_page):
+    page = open_page()
+    page.page.locator("#chart .menu summary").first.click()
+    page.page.get_by_role("button", name="Spectrum of the visible window").click()
+    page.curves()
+    page.page.mouse.move(*page.place(0.5))
+    for distance in (-800, 400, 400, 400, 400):
+        page.page.mouse.wheel(0, distance)
+    page.page.wait_for_timeout(600)
+    assert page.state["window"] == pytest.approx([0.0, 2.0], abs=0.01)  # it was -4 to 6 s
+    page.page.keyboard.press("ArrowRight")
+    page.page.wait_for_timeout(600)
+    assert page.state["window"] == pytest.approx([0.0, 2.0], abs=0.01)
+    page.drawn()
+    x, y = page.page.evaluate("""() => { const { canvas, boxes: [, box] } = document.getElementById("chart").chart;
+        canvas.scrollIntoView({ block: "end" });
+        const { left, top } = canvas.getBoundingClientRect();
+        return [left + box.across(10), top + box.top + box.height / 2]; }""")
+    page.page.mouse.move(x, y)
+    page.page.mouse.wheel(0, -400)
+    page.page.wait_for_timeout(600)
+    low, high = page.state["panes"][1]["domain"]
+    assert (low < 10.0 < high, "range" in page.state["panes"][1]) == (True, False)
+    for _ in range(3):
+        page.page.mouse.wheel(0, 400)
+    page.page.wait_for_timeout(600)
+    ends = page.page.evaluate("""() => { const { chart } = document.getElementById("chart"), { x } = chart.data[chart.panes[1].curves[0].name];
+        return [x[0], x.at(-1)]; }""")
+    assert page.state["panes"][1]["domain"] == pytest.approx(ends, rel=1e-3)
+
+
 @pytest.mark.parametrize(("height", "is_low"), [(900, False), (600, True)])
 def test_two_panes_with_their_times_are_seen_together(browser, tmp_path, height, is_low):
     plots = "  - {title: Fast, signals: [heart.velocity], unit: mm/s}\n"
@@ -108,6 +139,8 @@ def test_two_panes_with_their_times_are_seen_together(browser, tmp_path, height,
             page.page.evaluate("['scene', 'values'].map((id) => document.getElementById(id).open)") == [not is_low] * 2
         )
         assert page.page.get_by_label("add an expression").bounding_box()["width"] > 450
+        position = page.page.evaluate("getComputedStyle(document.getElementById('scene')).position")
+        assert position == ("static" if is_low else "sticky")  # an open scene stays in view beside a third pane
         assert page.wrong == []
         context.close()
 

@@ -8,7 +8,10 @@ const MOST = 50, MANY = 3; // variants in which an expression is tried; overridd
 // ---- changes of the state
 
 // scroll to a pane, of a split one to the first
-const reveal = (place) => chart.legends.children[shown.findIndex((one) => one.place === place)]?.scrollIntoView({ block: "start" });
+function reveal(place) {
+  find("stage").style.scrollPaddingTop = `${find("scene").offsetHeight + 8}px`; // the scene stays in view
+  chart.legends.children[shown.findIndex((one) => one.place === place)]?.scrollIntoView({ block: "start" });
+}
 
 function add(name, place) {
   const unit = unitOf(name), fits = (one) => one.kind === "time" && (one.items.length === 0 || (unit !== undefined && unitOf(one.items[0].signal) === unit));
@@ -43,16 +46,19 @@ async function refusal(kind, signal, x = "") {
   const groups = groupsOf(state.cases.length ? state.cases : [0], true).slice(0, MOST), specs = groups.map(({ cases: [number] }) => (
     { kind, signal, x, case: number, minus: null, shift: 0, seeds: [], part: "mean", window: windowOf().map((time) => time - offset(number)) }));
   try {
-    const lines = await source.lines(specs, 16);
-    return lines.every((line) => line.head.error) ? lines[0].head.error : "";
+    const lines = await source.lines(specs, 16), good = lines.filter((line) => !line.head.error);
+    return !good.length ? lines[0].head.error : good.every(({ y }) => y.length && !y.some(Number.isFinite)) ? `${signal}: has no finite value in the visible time.` : "";
   } catch (error) { return error.message; }
 }
 
+const numberOf = ({ value }) => (value.trim() ? Number(value) : NaN);
+
 // mark a field as invalid, with the reason at the end of its form; without a reason, as valid
 function refuse(input, reason) {
+  const form = input.closest("form, .run, #playback");
   input.setAttribute("aria-invalid", !!reason);
-  input.form.querySelector(".wrong")?.remove();
-  if (reason) input.form.append(element("small", reason, { className: "wrong", role: "alert" }));
+  form.querySelector(".wrong")?.remove();
+  if (reason) form.append(element("small", reason, { className: "wrong", role: "alert" }));
 }
 
 // ---- the menu of a pane
@@ -176,7 +182,7 @@ function cases() {
     heading.append(...nameOf(run));
     if (about.runs.length > 1) {
       const input = element("input", "", { size: 6, value: state.offsets[r], inputMode: "decimal", title: "by how much the run is moved in time, to align it with others" });
-      input.onchange = () => { if (Number.isFinite(+input.value)) { state.offsets[r] = +input.value; show(); } };
+      input.onchange = () => { const by = numberOf(input); if (Number.isFinite(by)) { state.offsets[r] = by; show(); } else refuse(input, "A number in s, such as 0.5."); };
       const label = element("label", "", { className: "twin-soft" });
       label.append(" moved by ", input, " s");
       heading.append(element("br", ""), label);

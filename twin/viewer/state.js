@@ -305,10 +305,11 @@ function judged(lines) {
   return { limits, spans, violations: [...violations].map(([name, variants]) => `${name}, in ${[...variants].join(", ")}`) };
 }
 
-const extentOf = () => {
+// the time of the shown cases; `span`: of a run in progress, its last seconds
+const extentOf = (span = state.span) => {
   const chosen = state.cases.length ? state.cases : about.cases.map((_, k) => k), shown = chosen.filter((k) => about.cases[k].samples);
   const ahead = about.following?.forecast ? [about.following.forecast.time.at(-1) + state.offsets[about.following.run]] : [];
   const from = Math.min(...shown.map((k) => about.cases[k].begin + offset(k))), to = Math.max(...shown.map((k) => about.cases[k].end + offset(k)), ...ahead);
-  if (about.growing && state.span && to - state.span > from) return [to - state.span, to];
+  if (about.growing && span && to - span > from) return [to - span, to];
   return to > from ? [from, to] : Number.isFinite(from) ? [from, from + 1] : [0, 1];
 };

@@ -18,10 +18,8 @@ async function tabulate() {
 }
 
 // the window that is summarized: between the cursors, or what is visible
-function summarized() {
-  const [a, b] = state.cursors;
-  return b === undefined || a === b ? windowOf() : [Math.min(a, b), Math.max(a, b)];
-}
+const isBetween = () => state.cursors.length === 2 && state.cursors[0] !== state.cursors[1];
+const summarized = () => (isBetween() ? [...state.cursors].sort((a, b) => a - b) : windowOf());
 
 async function summarize() {
   if (!find("values").open && about.runs.length < 2) return;
@@ -41,8 +39,8 @@ async function summarize() {
   chart.redraw(false);
   if (!find("values").open) return;
   const values = times.length ? await source.values(specs.slice(0, lines.length), lines.map((line) => own(line, times))) : [];
-  const seeds = specs.some((spec) => spec.seeds?.length) ? "; seeds: means of mean, std, RMS and slope, min and max of all" : "";
-  find("summarized").textContent = (state.cursors.length === 2 ? "between the cursors" : state.window ? "of the visible time" : "of the whole time") + seeds;
+  const seeds = specs.some((spec) => spec.seeds?.length) ? "; seeds: min and max of all, otherwise the mean over seeds" : "";
+  find("summarized").textContent = (isBetween() ? "between the cursors" : state.window ? "of the visible time" : "of the whole time") + seeds;
   find("values").querySelector("div").replaceChildren(valueTable(lines, values, statistics));
 }
 
@@ -57,8 +55,8 @@ function overSeeds(parts) {
   const own = parts.filter((one) => one.count), [first] = own;
   if (own.length < 2) return first ?? parts[0];
   const mean = (name) => (own.every((one) => Number.isFinite(one[name])) ? own.reduce((sum, one) => sum + one[name], 0) / own.length : null);
-  const low = Math.min(...own.map((one) => one.low)), high = Math.max(...own.map((one) => one.high)), means = ["mean", "std", "rms", "slope", "rate"].map((name) => [name, mean(name)]);
-  return { ...first, ...Object.fromEntries(means), count: own.reduce((sum, one) => sum + one.count, 0), low, high, peak_to_peak: high - low, thinned: own.some((one) => one.thinned) };
+  const low = Math.min(...own.map((one) => one.low)), high = Math.max(...own.map((one) => one.high)), means = ["mean", "std", "rms", "peak_to_peak", "slope", "rate"].map((name) => [name, mean(name)]);
+  return { ...first, ...Object.fromEntries(means), count: own.reduce((sum, one) => sum + one.count, 0), low, high, thinned: own.some((one) => one.thinned) };
 }
 
 function valueTable(lines, values, statistics) {
@@ -113,39 +111,79 @@ function columnTexts(values, step) {
 
 function badge(verdict) { return element("b", { pass: "pass", fail: "FAIL", none: "none", open: "open", skipped: "skipped" }[verdict] ?? "", { className: verdict }); }
 
-function expectations() {
-  const box = find("expectations"), rows = about.expectations.map((one) => {
-    const found = button("", () => goTo(one), { className: "outcome", disabled: !one.signal || !nameInPage(one.signal) });
-    const label = element("span", "");
-    label.append(element("b", (about.runs.length > 1 ? `${about.runs[one.run].letter}: ` : "") + one.name), " ", element("small", one.detail && one.detail !== one.name ? one.detail : ""));
-    found.append(badge(one.verdict), label);
-    found.title = one.detail;
-    found.classList.toggle("bad", one.verdict === "fail");
-    return found;
-  });
-  const count = (verdict) => about.expectations.filter((one) => one.verdict === verdict).length, failed = count("fail"), judged = rows.length - count("skipped"), problem = about.runs.map((run) => run.problem).filter(Boolean);
-  box.hidden = !rows.length && !problem.length;
-  box.querySelector("summary").textContent = rows.length && about.expectations.every((one) => one.verdict === "open") ? `Requirements: ${rows.length}, judged at the end` : (failed ? `Requirements: ${failed} of ${judged} failed` : `Requirements: ${judged}, none failed`) + (judged < rows.length ? `, ${rows.length - judged} not judged` : "");
-  box.querySelector("div").replaceChildren(...problem.map((text) => element("p", text, { className: "twin-soft" })), ...rows);
+// what several runs have in common: entries of the same name, of each run at most one; the number of a repeated name counts
+function byName(entries, nameOf) {
+  const groups = new Map(), counts = new Map();
+  for (const one of entries) {
+    const name = nameOf(one), count = counts.get(`${one.run} ${name}`) ?? 0, key = `${count} ${name}`;
+    counts.set(`${one.run} ${name}`, count + 1);
+    groups.set(key, [...(groups.get(key) ?? []), one]);
+  }
+  return [...groups.values()].map((own) => own.sort((a, b) => a.run - b.run));
 }
 
-// metrics with the paper's values; those of shown variants are marked
+// a text for each run
+const perRun = (textOf) => (about.runs.length < 2 ? textOf(0) : about.runs.map(({ letter: run }, r) => `${run}: ${textOf(r)}`).join("; "));
+
+function expectations() {
+  const box = find("expectations"), isFolded = !box.querySelector("details[open]"), several = about.runs.length > 1;
+  const isSkipped = (own) => own.every(({ verdict }) => verdict === "skipped"), groups = byName(about.expectations, ({ name }) => name), problem = about.runs.map((run) => run.problem).filter(Boolean);
+  const rowOf = (own) => {
+    const [one] = [...own].sort((a, b) => (b.verdict === "fail") - (a.verdict === "fail")), label = element("span", ""), badges = element("div", "");
+    const found = button("", () => goTo(one), { className: "outcome", disabled: !one.signal || !nameInPage(one.signal) }), detailsOf = (some) => some.map(({ run, detail }) => `${several ? `${about.runs[run].letter}: ` : ""}${detail}`).join(" ");
+    badges.append(...(several ? about.runs.flatMap(({ letter: run }, r) => [`${run} `, badge(own.find((each) => each.run === r)?.verdict), element("br", "")]) : [badge(one.verdict)]));
+    const small = detailsOf(several ? own.filter(({ verdict }) => verdict === "fail") : own);
+    found.title = detailsOf(own);
+    label.append(element("b", one.name), " ", element("small", small === one.name ? "" : small));
+    found.append(badges, label);
+    found.classList.toggle("bad", one.verdict === "fail");
+    return found;
+  };
+  const summary = (r) => {
+    const own = about.expectations.filter(({ run }) => run === r), count = (verdict) => own.filter((one) => one.verdict === verdict).length, failed = count("fail"), skipped = count("skipped"), judged = own.length - skipped;
+    return own.length && count("open") === own.length ? `${own.length}, judged at the end` : (failed ? `${failed} of ${judged} failed` : `${judged}, none failed`) + (skipped ? `, ${skipped} not judged` : "");
+  };
+  const skipped = groups.filter(isSkipped), rest = element("details", "", { open: !isFolded });
+  rest.append(element("summary", `not judged (${skipped.length})`), ...skipped.map(rowOf));
+  box.hidden = !groups.length && !problem.length;
+  box.querySelector("summary").textContent = `Requirements: ${perRun(summary)}`;
+  box.querySelector("div").replaceChildren(...problem.map((text) => element("p", text, { className: "twin-soft" })), ...groups.filter((own) => !isSkipped(own)).map(rowOf), ...(skipped.length ? [rest] : []));
+}
+
+const referenced = (own) => own.flatMap(({ rows }) => rows).filter((row) => row.reference !== null), compared = (own) => referenced(own).filter(({ verdict }) => verdict === "pass" || verdict === "fail");
+
+// the difference of two numbers, with their digits
+function difference(a, b) {
+  const value = Number(b ?? NaN) - Number(a ?? NaN), places = (text) => /\.(\d+)$/.exec(text)?.[1].length ?? 0;
+  return !Number.isFinite(value) ? "–" : /e/.test(a + b) ? number(value, 0) : value.toFixed(Math.max(places(a), places(b))).replace(/^-(?=[0.]*$)/, "");
+}
+
+// metrics of all runs with the paper's values; those of shown variants are marked
 function metrics() {
-  const box = find("metrics"), own = new Set(state.cases.map((k) => JSON.stringify([about.cases[k].run, about.cases[k].variant])));
+  const box = find("metrics"), shown = new Set(state.cases.map((k) => about.cases[k].variant)), several = about.runs.length > 1, isPair = about.runs.length === 2;
   box.hidden = !about.metrics.length;
-  const compared = about.metrics.flatMap((one) => one.rows).filter((row) => row.reference !== null), judged = compared.filter(({ verdict }) => verdict === "pass" || verdict === "fail"), reason = compared.some(({ verdict }) => verdict === "other") ? "settings differ from the paper's" : "no tolerance given", near = judged.filter((row) => row.verdict === "pass").length;
-  box.querySelector("summary").textContent = judged.length ? `Metrics: ${near} of ${judged.length} as in the paper` : compared.length ? `Metrics: ${compared.length} compared, ${reason}` : `Metrics: ${about.metrics.length}`;
-  box.querySelector("div").replaceChildren(...about.metrics.map((one) => {
-    const found = element("div", "", { className: "metric" }), table = element("table", ""), reference = one.rows.some((row) => row.reference !== null);
-    const title = `${about.runs.length > 1 ? `${about.runs[one.run].letter}: ` : ""}${one.description || one.name}${one.unit ? ` [${one.unit}]` : ""}`;
-    found.append(button(title, () => goTo({ ...one, spans: {} }), { className: "name", title: `${one.name}: ${one.definition}`, disabled: !one.signal || !nameInPage(one.signal) }), table);
-    if (reference) { const head = table.insertRow(); ["", "twin", "paper", judged.length ? one.tolerance ?? "" : ""].forEach((text) => head.append(element("th", text))); }
-    for (const row of one.rows) {
-      const made = table.insertRow();
-      made.classList.toggle("twin-soft", !own.has(JSON.stringify([one.run, row.variant])));
-      [row.variant, row.value, ...(reference ? [row.reference ?? ""] : [])].forEach((text) => { made.insertCell().textContent = text; });
-      if (row.range) made.cells[1].append(" ", element("small", row.range, { title: "lowest and highest value of the seeds" }));
-      made.insertCell().append(badge(row.verdict));
+  box.querySelector("summary").textContent = `Metrics: ${perRun((r) => {
+    const own = about.metrics.filter(({ run }) => run === r), judged = compared(own), all = referenced(own);
+    return judged.length ? `${judged.filter(({ verdict }) => verdict === "pass").length} of ${judged.length} as in the paper` : all.length ? `${all.length} compared, ${all.some(({ verdict }) => verdict === "other") ? "settings differ from the paper's" : "no tolerance given"}` : `${own.length}`;
+  })}`;
+  box.querySelector("div").replaceChildren(...byName(about.metrics, ({ name, unit }) => `${name} ${unit}`).map((own) => {
+    const [one] = own, found = element("div", "", { className: "metric" }), table = element("table", ""), reference = referenced(own).length > 0;
+    found.append(button(`${one.description || one.name}${one.unit ? ` [${one.unit}]` : ""}`, () => goTo({ ...one, spans: {} }), { className: "name", title: `${one.name}: ${one.definition}`, disabled: !one.signal || !nameInPage(one.signal) }), table);
+    const head = table.insertRow(), titles = [...(several ? about.runs.map((run) => run.letter) : reference ? ["twin"] : []), ...(isPair ? ["B − A"] : []), ...(reference ? ["paper"] : []), ...(reference && !several ? [compared(own).length ? one.tolerance ?? "" : ""] : [])];
+    if (titles.length) ["", ...titles].forEach((text) => head.append(element("th", text)));
+    for (const variant of new Set(own.flatMap(({ rows }) => rows.map((row) => row.variant)))) {
+      const made = table.insertRow(), rows = about.runs.map((_, r) => own.find(({ run }) => run === r)?.rows.find((row) => row.variant === variant));
+      made.classList.toggle("twin-soft", !shown.has(variant));
+      made.insertCell().textContent = variant;
+      for (const row of rows) {
+        const cell = made.insertCell();
+        cell.append(row?.value ?? "–", " ");
+        if (row?.range) Object.assign(cell, { title: `seeds: ${row.range}` });
+        if (several && row) cell.append(badge(row.verdict)); else if (row?.range) cell.append(element("small", row.range));
+      }
+      if (isPair) made.insertCell().textContent = difference(...rows.map((row) => row?.value));
+      if (reference) made.insertCell().textContent = rows.find((row) => row?.reference)?.reference ?? "";
+      if (!several) made.insertCell().append(badge(rows[0].verdict));
     }
     return found;
   }));

@@ -21,7 +21,7 @@ async function samples({ names, points, from, to }) {
     say(problem ? problem.head.error : "");
     setTimeout(() => announce(state.panes.length), 0); // when the chart has them
     const shifted = (times, k) => (times && moved[k] ? Float64Array.from(times, (time) => time + moved[k]) : times), isTimed = (k) => ["time", "fan"].includes(asked[k][0].kind);
-    return { from: window[0], to: window[1], last: window[1], curves: lines.map(({ x, y, t }, k) => ({ x: isTimed(k) ? shifted(x, k) : x, y, t: shifted(t, k) })) };
+    return { from: window[0], to: window[1], last: window[1], curves: lines.map(({ x, y, t, count, head }, k) => ({ count: count ?? head.count, x: isTimed(k) ? shifted(x, k) : x, y, t: shifted(t, k) })) };
   } catch (error) {
     say(error instanceof TypeError ? "The server does not answer. Start twin view again, then load this page anew." : error.message);
     return null;
@@ -62,6 +62,8 @@ function say(text) {
 
 class Panes extends Chart {
   unfolded = new Set(); // places of panes whose legend is shown as a whole
+
+  zoom(from, to) { super.zoom(...inRuns(from, to)); }
 
   legend(one, index) {
     const line = super.legend(one, index), isUnfolded = this.unfolded.has(one.place);
@@ -139,6 +141,7 @@ const windowOf = () => state.window || extentOf();
 
 function windowed() {
   const [from, to] = windowOf();
+  for (const id of ["from", "to"]) refuse(find(id), "");
   if (state.time !== null) state.time = Math.min(Math.max(state.time, from), to); // the picture is of the window, too
   find("clear").hidden = !state.cursors.length;
   find("from").value = +readableTime(from, from, to);
@@ -175,8 +178,8 @@ function begin() {
   find("chart").chart = chart; // for tests, and for the console of the browser
   for (const id of ["from", "to"]) {
     find(id).onchange = () => {
-      const pair = [find("from").value, find("to").value].map(Number);
-      if (pair.every(Number.isFinite) && pair[1] > pair[0]) { state.window = pair; show(); } else { say("from must be below to, both in s."); }
+      const pair = ["from", "to"].map((end) => numberOf(find(end)));
+      if (pair[1] > pair[0]) { state.window = pair; show(); } else refuse(find(id), "from must be below to, both numbers in s.");
     };
   }
   find("all").onclick = () => { state.window = null; state.span = null; show(); };
@@ -218,8 +221,14 @@ function pressed(event) {
   if (!move) return;
   event.preventDefault();
   const [from, to] = windowOf(), [begin, end] = move;
-  state.window = [from + begin * (to - from), to + end * (to - from)];
+  state.window = inRuns(from + begin * (to - from), to + end * (to - from));
   show();
+}
+
+// a window moved, and shortened, into the time of the runs
+function inRuns(from, to) {
+  const [low, high] = extentOf(null), begin = Math.min(Math.max(from, low), Math.max(high - (to - from), low));
+  return [begin, Math.min(begin + to - from, high)];
 }
 
 // a border that sets the width of a column

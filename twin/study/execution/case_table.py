@@ -160,7 +160,7 @@ def single(folder: Path, number: int) -> dict[str, Any]:
         raise ScenarioError(f"{path}: is not there. Run the study to its end, or go on with --resume.")
     rows = parquet.read_table(path, filters=[("case", "=", number)]).to_pylist()
     if not rows:
-        count = parquet.read_metadata(path).num_rows
-        raise ScenarioError(f"{path}: has no case {number}. There are {count}.")
+        last = parquet.read_metadata(path).num_rows
+        raise ScenarioError(f"{path}: has no case {number}. The study has cases 1 to {last}.")
     row: dict[str, Any] = rows[0]
     return row

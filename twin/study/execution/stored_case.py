@@ -74,6 +74,7 @@ def stored_case_folder(text: str, root: Path) -> Path:
     folder, number = resolve_case(text, root)
     runs = stored_cases(folder)
     if number not in runs:
+        case_table.single(folder, number)  # ScenarioError if the study has no such case
         available = f"Kept: {', '.join(map(str, runs))}. " if runs else ""
         raise ScenarioError(
             f"{text}: the study did not keep this case's signals. {available}Run it again: twin run --case {text}"

@@ -6,10 +6,10 @@
 //           `ending`: of all labels, whose rest is `short`. `weight`: height relative to other panes. `own`: over its own x instead of time (x-y, spectra). log: "", "x", "y", "xy"
 //           `range`: of the vertical axis, and `domain`: of its own x, to which a user has zoomed; `home`: the range without zoom (default: `range`)
 //           of a curve, other curves of the source: `faint`, drawn faintly behind it; `low` and `high`, with a filled area between them
-//   source: async ({names, from, to, span, points}) -> {from, to, last, curves: [{x, y, t}]}; t: times of the points of an x-y plot; span: length of the last seconds
+//   source: async ({names, from, to, span, points}) -> {from, to, last, curves: [{x, y, t, count}]}; t: times of the points of an x-y plot; count: samples in the window, of which `x` may have the extremes alone; span: length of the last seconds
 //   notify: (event, detail): "window" {from, to, follow, span, all}, "cursors" {a, b}, "time" {at}, "drop" {name, pane}, "remove" {name, pane},
 //           "weights" {weights}, "range" {pane, range, domain}, "dim" {names}, "drawn"
-// Drag: zoom in, along the vertical axis too. Shift-drag: move. Wheel: zoom at the pointer, over the numbers of a vertical axis along that.
+// Drag: zoom in, along the vertical axis too. Shift-drag: move. Wheel: zoom time or frequency at the pointer (of x-y plots both axes), over the numbers of a vertical axis along that.
 // Double-click: all, or follow again. Pointer: values of the nearest samples. Click: cursor A; shift-click or the next click: cursor B; a third
 // moves the nearer one; a click on a cursor removes it. Cursors snap to samples; cursors, the time cursor and the borders of panes are dragged.
 // A click on a name of the legend dims its curve.

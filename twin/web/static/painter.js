@@ -218,9 +218,9 @@ function drawHover(chart, context, pane, box) {
   if (!pane.own && hover.at !== null) line(context, box.across(hover.at), box.top, box.across(hover.at), box.top + box.height);
   context.globalAlpha = 1;
   if (chart.panes[hover.pane] !== pane) return;
-  for (const { curve, k } of hover.samples) {
+  for (const { curve, x, y } of hover.dots) {
     context.fillStyle = chart.colors.lines[pane.curves[curve].color % 8];
-    context.beginPath(); context.arc(box.across(box.shown[curve].x[k]), box.down(box.shown[curve].y[k]), 3, 0, 7); context.fill();
+    context.beginPath(); context.arc(box.across(x), box.down(y), 3, 0, 7); context.fill();
   }
 }
 
@@ -248,7 +248,7 @@ function decadeRange(curves) {
   return high > 0 ? [Math.max(low, high * 1e-6) / 1.6, high * 1.6] : [0.1, 1];
 }
 
-function ownExtent(curves) {
+export function ownExtent(curves) {
   let low = Infinity, high = -Infinity;
   for (const { x } of curves) for (const value of x) { if (value < low) low = value; if (value > high) high = value; }
   return high > low ? [low, high] : [0, 1];

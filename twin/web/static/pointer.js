@@ -1,9 +1,9 @@
 // Gestures on a chart: zoom, move, cursors and time cursor that are dragged and snap to samples, heights of panes, read-out under the pointer.
 
 import { nearest, number, readable, readableTime } from "./scale.js";
-import { LEFT, RIGHT, GAP } from "./painter.js";
+import { LEFT, RIGHT, GAP, ownExtent } from "./painter.js";
 
-const NEAR = 6, FAR = 4, LONG = 20; // [px]: to grasp a line; to be a drag rather than a click; to zoom along both axes
+const NEAR = 6, FAR = 4, LONG = 20, REST = 30; // [px]: to grasp a line; to be a drag rather than a click; to zoom along both axes; until the samples at the pointer are read [ms]
 
 export function listenTo(chart) {
   const { canvas } = chart;
@@ -19,6 +19,7 @@ export function listenTo(chart) {
     if (chart.gesture) { Object.assign(chart.gesture, { now: x, nowY: y }); GESTURES[chart.gesture.kind](chart, chart.gesture, x, y); }
     canvas.style.cursor = SHAPES[(chart.gesture || graspedAt(chart, x, y))?.kind] || "";
     chart.setHover(chart.gesture?.kind === "zoom" || chart.gesture?.kind === "edge" ? null : hoverAt(chart, x, y, event));
+    refine(chart, x, y, event);
   });
   canvas.addEventListener("pointerup", (event) => {
     const drag = chart.gesture;
@@ -45,7 +46,7 @@ export function listenTo(chart) {
     const about = (scale, ends, at) => ends.map((end) => scale.inverse(at + (scale(end) - at) * factor)), isOwn = chart.panes[index].own;
     const range = { range: about(box.down, [box.low, box.high], y) }, across = about(box.across, [box.from, box.to], x);
     if (x < LEFT) chart.zoomPane(index, range);
-    else if (isOwn) chart.zoomPane(index, { domain: across, ...(y <= box.top + box.height ? range : {}) });
+    else if (isOwn) { const [low, high] = ownExtent(box.shown); chart.zoomPane(index, { domain: across.map((end) => Math.min(Math.max(end, low), high)), ...(y <= box.top + box.height && !box.logX ? range : {}) }); }
     else if (chart.follow) { chart.span = Math.min(Math.max(chart.span * factor, 0.05), 3600); chart.notify("window", chart.seen()); }
     else chart.zoom(...across);
   }, { passive: false });
@@ -115,10 +116,10 @@ function graspedAt(chart, x, y) {
 }
 
 // the samples nearest to the pointer: over time those at its time, of spectra those at its frequency, of loops the points that are nearest to it
-function samplesAt(chart, index, x, y) {
+function samplesAt(chart, index, x, y, all = chart.data) {
   const box = chart.boxes[index], pane = chart.panes[index], found = [];
   pane.curves.forEach((curve, c) => {
-    const data = chart.data[curve.name];
+    const data = all[curve.name];
     if (!data?.x.length || chart.dimmed.has(curve.name)) return;
     if (!pane.own) { const k = nearest(data.x, timeAt(chart, x)); found.push({ curve: c, k, far: Math.abs(box.across(data.x[k]) - x) }); return; }
     const near = { curve: c, k: -1, far: Infinity };
@@ -141,19 +142,33 @@ function snapped(chart, x, y) {
   return inside || first.far <= NEAR ? times[first.k] : time;
 }
 
-function hoverAt(chart, x, y, event) {
+// `all`: samples of the pane's curves, by default those that are drawn
+function hoverAt(chart, x, y, event, all = chart.data) {
   const index = paneAt(chart, y), box = chart.boxes[index];
   if (!box?.across || y < box.top || y > box.top + box.height || x < LEFT || x > chart.width - RIGHT) return null;
-  const pane = chart.panes[index], found = samplesAt(chart, index, x, y);
+  const pane = chart.panes[index], found = samplesAt(chart, index, x, y, all);
   if (!found.length) return null;
-  const first = found[0], data = chart.data[pane.curves[first.curve].name], at = data.x[first.k], time = pane.own ? data.t?.[first.k] ?? null : at;
+  const first = found[0], data = all[pane.curves[first.curve].name], at = data.x[first.k], time = pane.own ? data.t?.[first.k] ?? null : at;
   const samples = !pane.own || box.logX ? found : time === null ? [first] : found.flatMap(({ curve }) => {  // of loops over time: all curves at the time of the nearest point
-    const { t } = chart.data[pane.curves[curve].name];
+    const { t } = all[pane.curves[curve].name];
     return time < t[0] || time > t[t.length - 1] ? [] : [{ curve, k: nearest(t, time) }];
   });
-  const title = pane.own ? (time === null ? titleOf(pane, box, at) : `${readableTime(time, ...chart.axis())} s`) : titleOf(pane, box, at) + spreadOf(chart, pane, box, at, samples);
-  return { pane: index, box, x, clientX: event.clientX, at: time, samples: samples.sort((a, b) => a.curve - b.curve), title, notes: pane.own ? [] : notesAt(pane, at),
-           rows: samples.map(({ curve, k }) => rowOf(chart, pane, box, pane.curves[curve], k)) };
+  const title = pane.own ? (time === null ? titleOf(pane, box, at) : `${readableTime(time, ...chart.axis())} s`) : titleOf(pane, box, at) + spreadOf(pane, at, samples, all);
+  const dots = samples.sort((a, b) => a.curve - b.curve).map(({ curve, k }) => { const { x, y } = all[pane.curves[curve].name]; return { curve, x: x[k], y: y[k] }; });
+  return { pane: index, box, x, clientX: event.clientX, at: time, dots, title, notes: pane.own ? [] : notesAt(pane, at),
+           rows: samples.map(({ curve, k }) => rowOf(pane, box, pane.curves[curve], k, all)) };
+}
+
+// once the pointer rests, read the samples at it where only extremes of them are drawn
+function refine(chart, x, y, event) {
+  clearTimeout(chart.resting);
+  const { hover } = chart, pane = chart.panes[hover?.pane];
+  if (!pane || pane.own || chart.follow) return;
+  const names = pane.curves.flatMap((curve) => [curve.name, curve.low, curve.high]).filter(Boolean), at = timeAt(chart, x);
+  if (names.some((name) => chart.data[name]?.count > chart.data[name]?.x.length)) chart.resting = setTimeout(async () => {
+    const frame = await chart.source({ names, points: 16, from: at, to: at });
+    if (frame && chart.hover === hover) chart.setHover(hoverAt(chart, x, y, event, Object.fromEntries(names.map((name, k) => [name, frame.curves[k]]))));
+  }, REST);
 }
 
 // texts of the failed spans at a time, each once
@@ -165,27 +180,17 @@ function titleOf(pane, box, at) {
   return `${pane.x?.label || "x"} ${text} ${(pane.x?.unit || "").replace(/[[\]]/g, "")}`;
 }
 
-// how far the shown samples are from the time above them: of a thinned curve only extremes are drawn, of a range those of a pixel are shown
-function spreadOf(chart, pane, box, at, samples) {
+// how far the shown samples are from the time above them: of a thinned curve only extremes are drawn
+function spreadOf(pane, at, samples, all) {
   const far = Math.max(...samples.flatMap(({ curve, k }) => {
-    const { name, low, high } = pane.curves[curve], x = chart.data[name].x[k], edges = [[chart.data[low], -1], [chart.data[high], 1]];
-    return [x, ...edges.filter(([data]) => data?.x.length).map(([data, sign]) => data.x[extremeAt(data, x, box, sign)])].map((one) => Math.abs(one - at));
+    const { name, low, high } = pane.curves[curve], x = all[name].x[k];
+    return [x, ...[low, high].map((edge) => all[edge]?.x).filter((own) => own?.length).map((own) => own[nearest(own, x)])].map((one) => Math.abs(one - at));
   }));
-  return far > 1e-9 ? ` ± ${Number((1e3 * far).toPrecision(2))} ms` : "";
+  return far > 1e-9 ? `, within ${Number((1e3 * far).toPrecision(2))} ms` : "";
 }
 
-function rowOf(chart, pane, box, curve, k) {
-  const value = (data, index) => (box.logY ? number(data.y[index], 0) : readable(data.y[index], box.low, box.high));
-  const own = chart.data[curve.name], [low, high] = [chart.data[curve.low], chart.data[curve.high]];
-  const over = own.t ? ` over ${readable(own.x[k], box.from, box.to)} ${(pane.x?.unit || "").replace(/[[\]]/g, "")}` : "", band = low?.x.length && high?.x.length ? ` (${value(low, extremeAt(low, own.x[k], box, -1))} to ${value(high, extremeAt(high, own.x[k], box, 1))})` : "";
+function rowOf(pane, box, curve, k, all) {
+  const value = (data, index) => (box.logY ? number(data.y[index], 0) : readable(data.y[index], box.low, box.high)), own = all[curve.name], edges = [all[curve.low], all[curve.high]];
+  const over = own.t ? ` over ${readable(own.x[k], box.from, box.to)} ${(pane.x?.unit || "").replace(/[[\]]/g, "")}` : "", band = edges.every((edge) => edge?.x.length) ? ` (${edges.map((edge) => value(edge, nearest(edge.x, own.x[k]))).join(" to ")})` : "";
   return { color: curve.color, dash: curve.dash, opacity: curve.opacity, width: curve.width, label: curve.short || curve.label || curve.name, text: `${value(own, k)} ${pane.unit || ""}${over}${band}` };
-}
-
-// index of the lowest (-1) or highest (1) of the samples that are drawn on the pixel of an x
-function extremeAt({ x, y }, at, box, sign) {
-  let found = nearest(x, at);
-  for (const step of [-1, 1]) {
-    for (let k = found + step; k >= 0 && k < x.length && Math.abs(box.across(x[k]) - box.across(at)) <= 1; k += step) if (sign * (y[k] - y[found]) > 0) found = k;
-  }
-  return found;
 }

@@ -43,5 +43,6 @@ export function extremes(x, y, begin, end, points) {
 
 // the samples of a window, with one more on both sides so that a line reaches the edge
 export function visible({ x, y }, from, to, points) {
-  return extremes(x, y, Math.max(before(x, from), 0), Math.min(before(x, to) + 2, x.length), points);
+  const begin = Math.max(before(x, from), 0), end = Math.min(before(x, to) + 2, x.length);
+  return { ...extremes(x, y, begin, end, points), count: end - begin };
 }
