@@ -10,6 +10,7 @@ import pytest
 
 from tests.run.reported import FORCE, LIMIT, PLOTS, TIME, labels, tables
 from twin.results import (
+    Analysis,
     Evaluation,
     EventLine,
     Expectation,
@@ -27,7 +28,7 @@ from twin.results.recording.signals import Window
 from twin.run import metric_charts, report_curves, report_page
 from twin.run.event_table import EventRow
 from twin.run.recorded_views import RecordedSignal, RecordedSystem, machine_film, system_views
-from twin.run.report_plots import draw_plots
+from twin.run.report_plots import draw_plots, trace_to_inputs
 from twin.run.scenes import ReportScenes
 from twin.structure import picture
 from twin.web import PackedArrays
@@ -36,11 +37,11 @@ POSITION = Plot("Position", (PlotCurve(expression.parse("a.x"), "x"),), unit="mm
 EVENTS = [EventRow(2 * 10**9, "set a.k = 4 N/m")]
 
 
-def written(folder, plots=(PLOTS[0], POSITION, PLOTS[1]), **more) -> str:
-    evaluation = evaluate({}, [LIMIT], tables())
+def written(folder, plots=(PLOTS[0], POSITION, PLOTS[1]), limit=LIMIT, **more) -> str:
+    evaluation = evaluate({}, [limit], tables())
     summary = results.build_summary(results.RunInfo("x"), evaluation, tables()) | {"sentence": ""}
     text = report_page.report_html(
-        summary, evaluation, tables(), plots=plots, expectations=[LIMIT], events=EVENTS, folder="runs/x/1", **more
+        summary, evaluation, tables(), plots=plots, expectations=[limit], events=EVENTS, folder="runs/x/1", **more
     )
     (folder / "report.html").write_text(text)
     return text
@@ -122,10 +123,43 @@ def test_an_order_is_drawn_with_its_margins_after_the_curve_of_the_first_violati
     rows = [result for result in evaluation.metric_results if result.metric.name == "std"]
     assert list(metric_charts.row_bounds(wanted[0], rows)) == [(1, pytest.approx(0.3 * rows[0].mean))]
     section = text[text.index('id="requirements"') : text.index('id="figures"')]
-    assert re.findall(r'<a href="#plot-(\d)">', section) == ["1", "2", "3"]
+    assert re.findall(r'<a href="#plot-(\d)"', section) == ["1", "2", "3"]
     assert text.index("<summary>Failed: order</summary>") > text.index('id="plot-1"')
     first = TIME[np.argmax(tables()["PI", 1].values["a.force"] > 0.22)]
-    assert f'data-time="{first}" data-variant="PI"' in text
+    assert f'data-variant="PI" data-seed="1" data-time="{first}"' in text
+
+
+def test_a_metric_of_an_analysis_is_marked_in_its_input() -> None:
+    """In the worst window; the flat curve of its result is left out, and its values are a chart."""
+
+    def windows(force: Any) -> dict[str, Any]:
+        return {
+            "std": np.append(np.full(2999, np.std(force[:3000])), [np.std(force[k : k + 3000]) for k in range(2002)])
+        }
+
+    windows.outputs, windows.window_length = {"std": "N"}, 3.0  # type: ignore[attr-defined]
+    analysis = Analysis("windows", "m:windows", {"force": FORCE})
+    object.__setattr__(analysis, "load", lambda: windows)
+    recorded = {case: analysis.apply(signals) for case, signals in tables().items()}
+    metrics = {"worst": Metric("worst", expression.parse("windows.std"), "max", unit="N")}
+    wanted = [Expectation("steady", metric="worst", at_most=0.03, unit="N")]
+    evaluation = evaluate(metrics, wanted, recorded)
+    (violation,) = find_violations(wanted, evaluation, recorded)
+    (traced,) = trace_to_inputs(violation, [analysis], recorded)
+    (end,) = {traced.cases["PI", 1]}
+    worst = recorded["PI", 1].values["windows.std"]
+    assert (traced.signal, traced.variants, end) == (FORCE, ("PI",), TIME[np.flatnonzero(worst == worst.max())[-1]])
+    assert end >= 2.999
+    np.testing.assert_array_equal(traced.violating_samples(("PI", 1), TIME, TIME), np.abs(TIME - end + 1.4995) < 1.4999)
+    assert trace_to_inputs(violation, [], recorded) == [violation]
+    summary = results.build_summary(results.RunInfo("x"), evaluation, recorded) | {"sentence": ""}
+    text = report_page.report_html(
+        summary, evaluation, recorded, plots=PLOTS[1:2], expectations=wanted, analyses=[analysis]
+    )
+    titles = re.findall("<figcaption><b>(.*?)</b>", text)
+    assert titles == ["Failed: steady, worst 3 s", "Failed: steady", "Loop"]
+    assert "the worst 3 s, which violate steady" in text
+    assert "--signal windows.std" not in text
 
 
 @pytest.mark.slow
@@ -355,6 +389,39 @@ def test_the_machine_is_drawn_as_in_the_viewer_and_moves_with_the_time(browser, 
         "(all) => all.filter((one) => one.textContent && getComputedStyle(one).display !== 'none').map((one) => one.getBoundingClientRect().height)"
     )
     assert min(letters) >= 8.0
+    assert wrong == []
+    page.close()
+
+
+@pytest.mark.slow
+def test_the_scene_plays_and_a_failure_leads_to_its_case_and_time(browser, tmp_path) -> None:
+    """The drawing of a carriage has an element of the class `speed`, as the player has. The time is that of the drawing."""
+    limit = Expectation("low", signal=FORCE, at_least=0.16)
+    first = round(float(TIME[np.argmax(tables()["PI", 2].values["a.force"] < 0.16)]), 9)  # earlier than with seed 1
+    members, kinds = {"axis": "Servomotor"}, {"axis.position": RecordedSignal("axis.position", "output")}
+    signals, views = Signals(TIME, {"axis.position": 0.01 * TIME}), system_views(RecordedSystem(members, kinds))
+    cases = [("PI+FF", 1), ("PI", 2)]
+    films = [
+        {"name": f"{case}", "case": case, **machine_film(views, signals, 11, [first] if case[0] == "PI" else [])}
+        for case in cases
+    ]
+    assert first > 0.2
+    assert first in films[1]["time"]
+    assert [len(film["time"]) for film in films] == [11, 12]
+    written(tmp_path, limit=limit, scenes=ReportScenes(films, []))
+    page, wrong = browser.new_page(viewport={"width": 1400, "height": 900}), []
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.goto(f"file://{tmp_path}/report.html")
+    now, film = page.locator(".player .now"), page.locator(".player .film")
+    page.wait_for_function(f"document.querySelector('.player .now').textContent === '{first:.3f} s'")
+    assert film.input_value() == "1"
+    film.select_option("0")
+    assert now.inner_text() == f"{min(films[0]['time'], key=lambda time: abs(time - first)):.3f} s"  # the nearest one
+    page.locator(".player .play").click()
+    page.wait_for_function(f"parseFloat(document.querySelector('.player .now').textContent) > {first + 0.6}")
+    page.locator(".failures a").click()
+    assert (film.input_value(), now.inner_text()) == ("1", f"{first:.3f} s")
+    assert page.locator(".player .play").inner_text() == "Play"
     assert wrong == []
     page.close()
 

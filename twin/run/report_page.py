@@ -19,7 +19,7 @@ from twin.results import (
 from twin.run.metric_charts import draw_metric_charts
 from twin.run.report import VERDICTS, has_own_name, is_failure, list_failures, metric_rows
 from twin.run.report_figure import ReportFigure
-from twin.run.report_plots import HERE, draw_plots
+from twin.run.report_plots import HERE, draw_plots, trace_to_inputs
 from twin.run.variant_matrix import build_matrix
 from twin.scene import page as scene_page
 from twin.web import PackedArrays, chart_script, embed_json, read_static, report_templates
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from markupsafe import Markup
 
-    from twin.results import Evaluation, Signals
+    from twin.results import Analysis, Evaluation, Signals
     from twin.run.event_table import EventRow
     from twin.run.parameter_table import ParameterRow
     from twin.run.scenes import ReportScenes
@@ -116,17 +116,23 @@ def report_html(
     structures: Sequence[tuple[tuple[str, str], Sequence[str]]] = (),
     refinements: Sequence[Mapping[str, str]] = (),
     expectations: Sequence[Expectation] = (),
+    analyses: Sequence[Analysis] = (),
     folder: str = "latest",
 ) -> str:
     """Render report.html. `summary`: from `run_folder.build_summary`; without `plots` every recorded signal is drawn.
 
     `pictures`: finished figures with title, svg and note; `structures`: diagrams as (SVG, remarks) and their variants.
     `refinements`: cells of metrics at half the step. `expectations`: in the order of their results, to mark violations.
-    `folder`: of the run, for the commands that show its curves.
+    `analyses`: a violated metric of theirs is marked in their inputs. `folder`: of the run, for the commands that show its curves.
     """
     violations = find_violations(expectations, evaluation, tables)
     arrays = PackedArrays()
-    in_curves = [violation for violation in violations if not violation.over_time]
+    in_curves = [
+        traced
+        for violation in violations
+        if not violation.over_time
+        for traced in trace_to_inputs(violation, analyses, tables)
+    ]
     curves = draw_plots(plots, tables, [row.annotation for row in events], in_curves, arrays, folder)
     first = next((violation for violation in in_curves if not violation.reduce), None)
     order = [result.name for result in evaluation.expectation_results]
@@ -137,7 +143,7 @@ def report_html(
         numbers = [order.index(name) for name in figure.violations]
         return not is_first, not numbers, not figure.panels, min(numbers, default=0)
 
-    figures = sorted([*curves, *draw_metric_charts(expectations, evaluation)], key=rank)
+    figures = sorted([*curves, *draw_metric_charts(expectations, evaluation, analyses)], key=rank)
     films = scenes.films if scenes else []
     reason = "; ".join(group_lines(str(summary.get("reason") or "").splitlines(), tables))
     summary = {**summary, "reason": reason, "notes": group_lines(summary.get("notes", ()), tables)}
@@ -174,7 +180,8 @@ def report_html(
             refinements=refinements,
             matrix=build_matrix(evaluation, violations),
             titles=SECTIONS,
-            start=next(iter(first.cases.items())) if first else None,
+            start=first.first if first else None,
+            starts={violation.name: violation.first for violation in reversed([*in_curves, *violations])},
             incomplete=[
                 f"{variant}, seed {seed}" for (variant, seed), signals in tables.items() if not signals.complete
             ],
