@@ -27,6 +27,7 @@ from twin.results.recording import run_folder as results
 from twin.results.recording.signals import Window
 from twin.run import metric_charts, report_curves, report_page
 from twin.run.event_table import EventRow
+from twin.run.parameter_table import ParameterRow
 from twin.run.recorded_views import RecordedSignal, RecordedSystem, machine_film, system_views
 from twin.run.report_plots import draw_plots, trace_to_inputs
 from twin.run.scenes import ReportScenes
@@ -162,6 +163,29 @@ def test_a_metric_of_an_analysis_is_marked_in_its_input() -> None:
     assert "--signal windows.std" not in text
 
 
+def test_changed_values_stand_below_the_sentence_and_first_in_their_table() -> None:
+    rows = [
+        ParameterRow("a", "m", "1", given=True),
+        ParameterRow("a", "k", "4", "N/m", source="set by `--set a.k=4`", given=True, default="2 N/m"),
+    ]
+    assert report_page.describe_changes(["a.k=4", "step=1 ms", "a.m=3"], ["", "2 ms", "3"], rows) == [
+        ("a.k 4", "default 2 N/m"),
+        ("step 1 ms", "was 2 ms"),
+        ("a.m 3", ""),
+    ]
+    assert [row.name for row in report_page.group_by_member(rows)["a"]] == ["k", "m"]
+
+
+@pytest.mark.parametrize("limit", [LIMIT, Expectation("", signal=FORCE, at_most=9.0)])
+def test_plots_come_before_metrics_where_a_requirement_fails(limit) -> None:
+    evaluation = evaluate({"mean": Metric("mean", FORCE, "mean")}, [limit], tables())
+    summary = results.build_summary(results.RunInfo("x"), evaluation, tables()) | {"sentence": ""}
+    text = report_page.report_html(summary, evaluation, tables(), plots=PLOTS[:1], expectations=[limit])
+    later = ["plots", "figures"] if limit is LIMIT else ["figures", "plots"]
+    assert re.findall('<section id="(.*?)"', text) == ["requirements", *later, "versions"]
+    assert re.findall('<a href="#(requirements|plots|figures|versions)">', text) == ["requirements", *later, "versions"]
+
+
 @pytest.mark.slow
 def test_panes_hold_what_was_recorded_and_what_failed() -> None:
     evaluation = evaluate({}, [LIMIT], tables())
@@ -282,6 +306,10 @@ def test_paper_has_plots_in_light_and_a_phone_has_nothing_cut(page) -> None:
     assert (page.evaluate(shown, "svg"), page.evaluate(shown, ".panels")) == ("none", "grid")
     page.emulate_media(media="print")
     assert (page.evaluate(shown, "svg"), page.evaluate(shown, ".panels")) == ("block", "none")
+    folds = "(all) => all.map((one) => getComputedStyle(one, '::details-content').contentVisibility)"
+    assert page.locator("#requirements details:not(.pass)").evaluate_all(folds) == ["visible"]
+    page.evaluate("document.querySelector('.scroll').classList.add('cut')")
+    assert page.locator(".cut").evaluate("(box) => getComputedStyle(box, '::before').content") == "none"
     page.emulate_media(media="screen")
     page.set_viewport_size({"width": 360, "height": 740})
     page.wait_for_function("document.documentElement.scrollWidth === 360")  # charts follow their size a moment later

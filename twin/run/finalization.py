@@ -109,6 +109,7 @@ def write_summary_and_report(
             refinements=[refinement.table_cells for refinement in result.refinements],
             expectations=result.scenario.expectations,
             analyses=result.scenario.analyses,
+            previous_values=result.scenario.previous_values(),
             folder=str(result.folder),
         )
         results.write_text(result.folder / "report.html", text)

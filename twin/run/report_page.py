@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import zip_longest
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -117,13 +118,14 @@ def report_html(
     refinements: Sequence[Mapping[str, str]] = (),
     expectations: Sequence[Expectation] = (),
     analyses: Sequence[Analysis] = (),
+    previous_values: Sequence[str] = (),
     folder: str = "latest",
 ) -> str:
     """Render report.html. `summary`: from `run_folder.build_summary`; without `plots` every recorded signal is drawn.
 
     `pictures`: finished figures with title, svg and note; `structures`: diagrams as (SVG, remarks) and their variants.
     `refinements`: cells of metrics at half the step. `expectations`: in the order of their results, to mark violations.
-    `analyses`: a violated metric of theirs is marked in their inputs. `folder`: of the run, for the commands that show its curves.
+    `previous_values`: of the scenario's overrides. `analyses`: a violated metric of theirs is marked in their inputs. `folder`: of the run, for the commands that show its curves.
     """
     violations = find_violations(expectations, evaluation, tables)
     arrays = PackedArrays()
@@ -164,6 +166,7 @@ def report_html(
                 *(ReportFigure(picture["title"], picture["svg"], picture["note"]) for picture in pictures),
             ],
             members=group_by_member(parameters),
+            changes=describe_changes(summary.get("overrides", ()), previous_values, parameters),
             events=events,
             words={key: word for key, (word, _) in VERDICTS.items()},
             named=has_own_name,
@@ -180,7 +183,7 @@ def report_html(
             refinements=refinements,
             matrix=build_matrix(evaluation, violations),
             titles=SECTIONS,
-            start=first.first if first else None,
+            start=next((violation.first for violation in (first, *in_curves) if violation), None),
             starts={violation.name: violation.first for violation in reversed([*in_curves, *violations])},
             incomplete=[
                 f"{variant}, seed {seed}" for (variant, seed), signals in tables.items() if not signals.complete
@@ -208,11 +211,25 @@ def titled_structures(
 
 
 def group_by_member(parameters: Sequence[ParameterRow]) -> dict[str, list[ParameterRow]]:
-    """Return the parameters by member, members with set parameters first."""
+    """Return the parameters by member, those set by an option first, then the others that are set."""
     members: dict[str, list[ParameterRow]] = {}
-    for row in sorted(parameters, key=lambda row: not row.given):
+    for row in sorted(parameters, key=lambda row: (not row.source.startswith("set by `--"), not row.given)):
         members.setdefault(row.member, []).append(row)
     return members
+
+
+def describe_changes(
+    overrides: Sequence[str], previous_values: Sequence[str], parameters: Sequence[ParameterRow]
+) -> list[tuple[str, str]]:
+    """Return each override as `name value`, and what it was or what the component's default is."""
+    defaults = {f"{row.member}.{row.name}": row.default for row in parameters}
+    changes = []
+    for option, before in zip_longest(overrides, previous_values, fillvalue=""):
+        name, _, value = option.partition("=")
+        default = defaults.get(name.replace(".parameters.", "."), "")
+        was = f"was {before}" if before not in ("", value) else f"default {default}" if default else ""
+        changes.append((f"{name} {value}", was))
+    return changes
 
 
 def page_scripts(

@@ -51,8 +51,8 @@ class Violation:
 
     @property
     def first(self) -> tuple[tuple[str, int], float | None]:
-        """The case that it concerns first, and the time."""
-        return min(self.cases.items(), key=lambda item: np.inf if item[1] is None else item[1])
+        """The case that it concerns first, and the time: the earliest sample, or the first case of a metric."""
+        return min(self.cases.items(), key=lambda item: 0.0 if self.reduce or item[1] is None else item[1])
 
     @property
     def limits(self) -> list[float]:
