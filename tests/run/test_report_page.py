@@ -1,4 +1,7 @@
-"""report.html in a browser: charts in place of plots, one cursor of time, nothing cut on a phone, plots on paper."""
+"""report.html in a browser: charts in place of plots, one cursor of time, nothing cut on a phone, plots on paper.
+
+Over 400 lines: a page in a browser serves many tests.
+"""
 
 import re
 from itertools import pairwise
