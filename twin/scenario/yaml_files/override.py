@@ -83,12 +83,12 @@ def replaced_values(root: Node, options: Iterable[str], variants: Collection[str
 
 def previous_values(root: Node, options: Iterable[str]) -> list[str]:
     """Return for each `--set` option the value that it replaces in the file; empty if the file sets none."""
-    found = []
+    values = []
     for option in options:
         path, _ = parse_option(option)
         own = (root.find(key).plain() for key in option_keys(path) if has_path(root, key))
-        found.append(str(next(own, "")))
-    return found
+        values.append(str(next(own, "")))
+    return values
 
 
 def option_keys(path: str) -> set[tuple[str, ...]]:
