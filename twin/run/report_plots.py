@@ -66,7 +66,7 @@ def trace_to_inputs(violation: Violation, analyses: Sequence[Analysis], tables: 
     sources = source_analyses(analyses, violation.signal) if violation.reduce else []
     if not sources:
         return [violation]
-    ends = {}
+    ends: dict[tuple[str, int], float | None] = {}
     for case, instant in violation.cases.items():
         parts = list(tables[case].evaluate_parts(violation.signal, violation.window))
         if instant is not None and parts:  # a result that stays for a while is of the window before its last row

@@ -91,7 +91,7 @@ def report_scenes(
     `views`: of the machine, by variant, as the viewer draws them; they replace the lines of the scenes.
     `violations`: each case in which one is shown first has a film, with that instant.
     """
-    first_seeds = {variant: (variant, seed) for variant, seed in reversed(tables)}
+    first_seeds = {variant: (variant, seed) for variant, seed in reversed(list(tables))}
     instants: dict[tuple[str, int], list[float]] = {}
     for case, instant in (violation.first for violation in violations):
         instants.setdefault(case, []).extend([] if instant is None else [instant])
