@@ -221,7 +221,7 @@ def test_what_did_not_finish_is_left_out() -> None:
         (Expectation("", metric="m", at_most=0.035, variants=("B",)), "pass", f"m was {format_value(0.5 * STD, 'N')} to {format_value(0.55 * STD, 'N')}; expected at most"),
         (Expectation("", metric="m", at_most=1.06 * STD, variants=("A",), mean=True), "pass", f"m was {format_value(1.05 * STD, 'N')}; expected"),
         (Expectation("named", metric="m", at_most=0.03, variants=("A",), mean=True), "fail", f"{format_value(1.05 * STD, 'N')}, expected at most 0.03 N."),
-        (Expectation("", metric="m", at_least=1.0), "fail", f"{format_value(0.1 * STD, 'N')}; all variants, all seeds."),
+        (Expectation("", metric="m", at_least=1.0), "fail", f"worst seed {format_value(0.1 * STD, 'N')}; all variants, all seeds."),
         (Expectation("named", metric="m", at_most=1.06 * STD), "fail", f"{format_value(1.1 * STD, 'N')}, expected at most {format_value(1.06 * STD, 'N')}; A, seed 1."),
         (Expectation("", signal=expression.parse("a.force"), at_least=0.1, at_most=0.3), "pass", "a.force was 0.145 N to 0.255 N"),
         (Expectation("", signal=expression.parse("a.force"), at_least=0.1, at_most=0.25), "fail", "0.255 N; first at 1.15 s; A, seed 1."),

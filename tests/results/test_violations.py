@@ -145,6 +145,15 @@ def test_an_order_or_a_mean_concerns_all_its_cases() -> None:
     assert find(Expectation("", "m", mean=True, at_most=2.75), metrics) == []
 
 
+def test_an_order_concerns_the_variants_that_break_it() -> None:
+    tables = {
+        (name, 1): Signals(TIME, {"s.force": np.full(5, value)}) for name, value in (("A", 3.0), ("B", 4.0), ("C", 1.0))
+    }
+    metrics, order = {"m": Metric("m", FORCE, "max")}, Expectation("", "m", ordered=("A", "B", "C"))
+    (found,) = violations.find_violations([order], evaluate(metrics, [order], tables), tables)
+    assert (found.variants, found.metric) == (("A", "B"), "m")
+
+
 def test_a_plot_shows_a_violating_sample() -> None:
     (samples,) = find(Expectation("", signal=FORCE, at_most=3.5))
 

@@ -1,4 +1,7 @@
-"""report.html in a browser: charts in place of plots, one cursor of time, nothing cut on a phone, plots on paper."""
+"""report.html in a browser: charts in place of plots, one cursor of time, nothing cut on a phone, plots on paper.
+
+Over 400 lines: a page in a browser serves many tests.
+"""
 
 import re
 from itertools import pairwise
@@ -10,6 +13,7 @@ import pytest
 
 from tests.run.reported import FORCE, LIMIT, PLOTS, TIME, labels, tables
 from twin.results import (
+    Analysis,
     Evaluation,
     EventLine,
     Expectation,
@@ -26,8 +30,9 @@ from twin.results.recording import run_folder as results
 from twin.results.recording.signals import Window
 from twin.run import metric_charts, report_curves, report_page
 from twin.run.event_table import EventRow
+from twin.run.parameter_table import ParameterRow
 from twin.run.recorded_views import RecordedSignal, RecordedSystem, machine_film, system_views
-from twin.run.report_plots import draw_plots
+from twin.run.report_plots import draw_plots, trace_to_inputs
 from twin.run.scenes import ReportScenes
 from twin.structure import picture
 from twin.web import PackedArrays
@@ -36,11 +41,11 @@ POSITION = Plot("Position", (PlotCurve(expression.parse("a.x"), "x"),), unit="mm
 EVENTS = [EventRow(2 * 10**9, "set a.k = 4 N/m")]
 
 
-def written(folder, plots=(PLOTS[0], POSITION, PLOTS[1]), **more) -> str:
-    evaluation = evaluate({}, [LIMIT], tables())
+def written(folder, plots=(PLOTS[0], POSITION, PLOTS[1]), limit=LIMIT, **more) -> str:
+    evaluation = evaluate({}, [limit], tables())
     summary = results.build_summary(results.RunInfo("x"), evaluation, tables()) | {"sentence": ""}
     text = report_page.report_html(
-        summary, evaluation, tables(), plots=plots, expectations=[LIMIT], events=EVENTS, folder="runs/x/1", **more
+        summary, evaluation, tables(), plots=plots, expectations=[limit], events=EVENTS, folder="runs/x/1", **more
     )
     (folder / "report.html").write_text(text)
     return text
@@ -122,10 +127,66 @@ def test_an_order_is_drawn_with_its_margins_after_the_curve_of_the_first_violati
     rows = [result for result in evaluation.metric_results if result.metric.name == "std"]
     assert list(metric_charts.row_bounds(wanted[0], rows)) == [(1, pytest.approx(0.3 * rows[0].mean))]
     section = text[text.index('id="requirements"') : text.index('id="figures"')]
-    assert re.findall(r'<a href="#plot-(\d)">', section) == ["1", "2", "3"]
+    assert re.findall(r'<a href="#plot-(\d)"', section) == ["1", "2", "3"]
     assert text.index("<summary>Failed: order</summary>") > text.index('id="plot-1"')
     first = TIME[np.argmax(tables()["PI", 1].values["a.force"] > 0.22)]
-    assert f'data-time="{first}" data-variant="PI"' in text
+    assert f'data-variant="PI" data-seed="1" data-time="{first}"' in text
+
+
+def test_a_metric_of_an_analysis_is_marked_in_its_input() -> None:
+    """In the worst window; the flat curve of its result is left out, and its values are a chart."""
+
+    def windows(force: Any) -> dict[str, Any]:
+        return {
+            "std": np.append(np.full(2999, np.std(force[:3000])), [np.std(force[k : k + 3000]) for k in range(2002)])
+        }
+
+    windows.outputs, windows.window_length = {"std": "N"}, 3.0  # type: ignore[attr-defined]
+    analysis = Analysis("windows", "m:windows", {"force": FORCE})
+    object.__setattr__(analysis, "load", lambda: windows)
+    recorded = {case: analysis.apply(signals) for case, signals in tables().items()}
+    metrics = {"worst": Metric("worst", expression.parse("windows.std"), "max", unit="N")}
+    wanted = [Expectation("steady", metric="worst", at_most=0.03, unit="N")]
+    evaluation = evaluate(metrics, wanted, recorded)
+    (violation,) = find_violations(wanted, evaluation, recorded)
+    (traced,) = trace_to_inputs(violation, [analysis], recorded)
+    (end,) = {traced.cases["PI", 1]}
+    worst = recorded["PI", 1].values["windows.std"]
+    assert (traced.signal, traced.variants, end) == (FORCE, ("PI",), TIME[np.flatnonzero(worst == worst.max())[-1]])
+    assert end >= 2.999
+    np.testing.assert_array_equal(traced.violating_samples(("PI", 1), TIME, TIME), np.abs(TIME - end + 1.4995) < 1.4999)
+    assert trace_to_inputs(violation, [], recorded) == [violation]
+    summary = results.build_summary(results.RunInfo("x"), evaluation, recorded) | {"sentence": ""}
+    text = report_page.report_html(
+        summary, evaluation, recorded, plots=PLOTS[1:2], expectations=wanted, analyses=[analysis]
+    )
+    titles = re.findall("<figcaption><b>(.*?)</b>", text)
+    assert titles == ["Failed: steady, worst 3 s", "Failed: steady", "Loop"]
+    assert "the worst 3 s, which violate steady" in text
+    assert "--signal windows.std" not in text
+
+
+def test_changed_values_stand_below_the_sentence_and_first_in_their_table() -> None:
+    rows = [
+        ParameterRow("a", "m", "1", given=True),
+        ParameterRow("a", "k", "4", "N/m", source="set by `--set a.k=4`", given=True, default="2 N/m"),
+    ]
+    assert report_page.describe_changes(["a.k=4", "step=1 ms", "a.m=3"], ["", "2 ms", "3"], rows) == [
+        ("a.k 4", "default 2 N/m"),
+        ("step 1 ms", "was 2 ms"),
+        ("a.m 3", ""),
+    ]
+    assert [row.name for row in report_page.group_by_member(rows)["a"]] == ["k", "m"]
+
+
+@pytest.mark.parametrize("limit", [LIMIT, Expectation("", signal=FORCE, at_most=9.0)])
+def test_plots_come_before_metrics_where_a_requirement_fails(limit) -> None:
+    evaluation = evaluate({"mean": Metric("mean", FORCE, "mean")}, [limit], tables())
+    summary = results.build_summary(results.RunInfo("x"), evaluation, tables()) | {"sentence": ""}
+    text = report_page.report_html(summary, evaluation, tables(), plots=PLOTS[:1], expectations=[limit])
+    later = ["plots", "figures"] if limit is LIMIT else ["figures", "plots"]
+    assert re.findall('<section id="(.*?)"', text) == ["requirements", *later, "versions"]
+    assert re.findall('<a href="#(requirements|plots|figures|versions)">', text) == ["requirements", *later, "versions"]
 
 
 @pytest.mark.slow
@@ -248,6 +309,10 @@ def test_paper_has_plots_in_light_and_a_phone_has_nothing_cut(page) -> None:
     assert (page.evaluate(shown, "svg"), page.evaluate(shown, ".panels")) == ("none", "grid")
     page.emulate_media(media="print")
     assert (page.evaluate(shown, "svg"), page.evaluate(shown, ".panels")) == ("block", "none")
+    folds = "(all) => all.map((one) => getComputedStyle(one, '::details-content').contentVisibility)"
+    assert page.locator("#requirements details:not(.pass)").evaluate_all(folds) == ["visible"]
+    page.evaluate("document.querySelector('.scroll').classList.add('cut')")
+    assert page.locator(".cut").evaluate("(box) => getComputedStyle(box, '::before').content") == "none"
     page.emulate_media(media="screen")
     page.set_viewport_size({"width": 360, "height": 740})
     page.wait_for_function("document.documentElement.scrollWidth === 360")  # charts follow their size a moment later
@@ -355,6 +420,39 @@ def test_the_machine_is_drawn_as_in_the_viewer_and_moves_with_the_time(browser, 
         "(all) => all.filter((one) => one.textContent && getComputedStyle(one).display !== 'none').map((one) => one.getBoundingClientRect().height)"
     )
     assert min(letters) >= 8.0
+    assert wrong == []
+    page.close()
+
+
+@pytest.mark.slow
+def test_the_scene_plays_and_a_failure_leads_to_its_case_and_time(browser, tmp_path) -> None:
+    """The drawing of a carriage has an element of the class `speed`, as the player has. The time is that of the drawing."""
+    limit = Expectation("low", signal=FORCE, at_least=0.16)
+    first = round(float(TIME[np.argmax(tables()["PI", 2].values["a.force"] < 0.16)]), 9)  # earlier than with seed 1
+    members, kinds = {"axis": "Servomotor"}, {"axis.position": RecordedSignal("axis.position", "output")}
+    signals, views = Signals(TIME, {"axis.position": 0.01 * TIME}), system_views(RecordedSystem(members, kinds))
+    cases = [("PI+FF", 1), ("PI", 2)]
+    films = [
+        {"name": f"{case}", "case": case, **machine_film(views, signals, 11, [first] if case[0] == "PI" else [])}
+        for case in cases
+    ]
+    assert first > 0.2
+    assert first in films[1]["time"]
+    assert [len(film["time"]) for film in films] == [11, 12]
+    written(tmp_path, limit=limit, scenes=ReportScenes(films, []))
+    page, wrong = browser.new_page(viewport={"width": 1400, "height": 900}), []
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.goto(f"file://{tmp_path}/report.html")
+    now, film = page.locator(".player .now"), page.locator(".player .film")
+    page.wait_for_function(f"document.querySelector('.player .now').textContent === '{first:.3f} s'")
+    assert film.input_value() == "1"
+    film.select_option("0")
+    assert now.inner_text() == f"{min(films[0]['time'], key=lambda time: abs(time - first)):.3f} s"  # the nearest one
+    page.locator(".player .play").click()
+    page.wait_for_function(f"parseFloat(document.querySelector('.player .now').textContent) > {first + 0.6}")
+    page.locator(".failures a").click()
+    assert (film.input_value(), now.inner_text()) == ("1", f"{first:.3f} s")
+    assert page.locator(".player .play").inner_text() == "Play"
     assert wrong == []
     page.close()
 

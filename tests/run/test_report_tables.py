@@ -52,7 +52,7 @@ def test_metrics_with_a_failure_come_first(monkeypatch):
 
 def test_members_with_set_parameters_come_first():
     rows = [
-        SimpleNamespace(member=member, name=name, given=given)
+        SimpleNamespace(member=member, name=name, given=given, source="")
         for member, name, given in (("a", "k", False), ("b", "m", False), ("b", "k", True), ("c", "x", True))
     ]
     found = group_by_member(rows)

@@ -1,5 +1,7 @@
 """Scenes of a run: which cases and scenes `twin view` and the report show, from signals that a test chooses."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -97,9 +99,11 @@ def tables(folder):
 
 def test_scenes_of_a_report(run, monkeypatch):
     """Films of all variants with their first seed, as small as all of them have to be; a still of the first case."""
-    sizes, figures = [], []
+    sizes, figures, times_of = [], [], []
     monkeypatch.setattr(
-        scenes.page, "film_data", lambda frames, most: sizes.append((frames.title, most)) or {"film": 1}
+        scenes.page,
+        "film_data",
+        lambda frames, most, times: times_of.append(times) or sizes.append((frames.title, most)) or {"film": 1},
     )
     monkeypatch.setattr(scenes.picture, "scene_figure", lambda *words: figures.append(words[1:]) or "figure")
     monkeypatch.setattr(scenes.picture, "figure_svg", lambda figure, title: f"{figure} of {title}")
@@ -107,7 +111,8 @@ def test_scenes_of_a_report(run, monkeypatch):
     every = lint(folder / "scenario.yaml", imports=False)[0].scenes
     report = scenes.report_scenes(every, tables(folder))
     assert report.films == [
-        {"name": name, "film": 1} for name in ("Near, PI, seed 2", "Near, PI+FF, seed 2", "Far, PI, seed 2")
+        {"name": f"{title}, {variant}, seed 2", "case": (variant, 2), "film": 1}
+        for title, variant in (("Near", "PI"), ("Near", "PI+FF"), ("Far", "PI"))
     ]
     assert sizes == [(title, scenes.MAX_VALUES // 3) for title in ("Near", "Near", "Far")]
     assert [(still.title, still.svg, still.is_scene) for still in report.stills] == [
@@ -117,12 +122,19 @@ def test_scenes_of_a_report(run, monkeypatch):
     assert figures == [("", scenes.REPORT_INSTANTS)] * 2
     alone = scenes.report_scenes(every[:1], tables(folder))
     assert [film["name"] for film in alone.films] == ["PI, seed 2", "PI+FF, seed 2"]
-    monkeypatch.setattr(scenes, "MAX_FILMS", 1)
-    assert [film["name"] for film in scenes.report_scenes(every, tables(folder)).films] == ["Near, PI, seed 2"]
+    monkeypatch.setattr(scenes, "MAX_FILMS", 2)
+    names = [film["name"] for film in scenes.report_scenes(every, tables(folder)).films]
+    assert names == ["Near, PI, seed 2", "Near, PI+FF, seed 2"]
     one_case = {("PI", 2): tables(folder)["PI", 2]}
     monkeypatch.setattr(scenes, "MAX_FILMS", 8)
     assert [film["name"] for film in scenes.report_scenes(every, one_case).films] == ["Near", "Far"]
     assert [film["name"] for film in scenes.report_scenes(every[:1], one_case).films] == ["Near"]
+    monkeypatch.setattr(scenes, "MAX_FILMS", 8)
+    late = SimpleNamespace(first=(("PI+FF", 1), 0.5))
+    failing = scenes.report_scenes(every[:1], tables(folder), violations=[late])
+    assert [film["name"] for film in failing.films] == ["PI, seed 2", "PI+FF, seed 2", "PI+FF, seed 1"]
+    assert sizes[-1] == ("Near", scenes.MAX_VALUES // 3)
+    assert times_of[-3:] == [(), (), [0.5]]  # the instant that a failure leads to
     assert scenes.report_scenes(every, {}) == scenes.ReportScenes([], [])
 
 

@@ -201,7 +201,7 @@ def test_a_matrix_has_failures_first() -> None:
         ("mean", "mN", "mean force: mean of a.force"),
     )
     assert found.rows == (
-        MatrixRow("FF", (MatrixCell("60", "50", 60.0, "fail"), MatrixCell("60", "", 60.0, "info")), ("small", "last")),
+        MatrixRow("FF", (MatrixCell("60", "50", 60.0, "fail"), MatrixCell("60", "", 60.0, "fail")), ("small", "last")),
         MatrixRow("PI", (MatrixCell(), MatrixCell("30", "", 30.0, "info")), ()),
     )
     assert not found.is_large

@@ -134,3 +134,4 @@ def test_an_option_names_the_values_of_variants_that_it_replaces() -> None:
         "--set heart.rate=3 Hz also replaces what variants set themselves: fast (2 Hz).",
     ]
     assert scenario.replaced_values(["calm"]) == []
+    assert scenario.previous_values() == ["10 s", "1 Hz", ""]

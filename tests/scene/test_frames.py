@@ -113,12 +113,14 @@ def test_a_film_holds_what_moves_in_millimeters():
     assert film["motions"]["heart"]["low"] == -500.0
     assert (film["curves"][0]["label"], film["curves"][0]["color"], film["curves"][0]["low"]) == ("x", 4, -0.5)
     assert (film["arrow"], film["unit"]) == (pytest.approx(1e3 * frames.arrow), "mm")
-    assert length(film["time"]) == length(film["when"]) == 4
-    assert length(page.film_data(frames, 28)["time"]) == 2  # fourteen coordinates
-    assert length(page.film_data(frames, 1)["time"]) == 2
+    assert len(film["time"]) == length(film["when"]) == 4
+    assert len(page.film_data(frames, 28)["time"]) == 2  # fourteen coordinates
+    assert len(page.film_data(frames, 1)["time"]) == 2
+    few, more = (page.film_data(frames, 1, times)["time"] for times in ((), frames.time[1:2] + 1e-4))
+    assert more == sorted({*few, frames.time[1]})  # with the instant nearest to a time
     assert length(page.film_data(frames, 1)["when"]) == 4
     empty = page.film_data(Frames("none", None, np.arange(3.0)))
-    assert (empty["walls"], empty["path"], empty["motions"], length(empty["time"])) == ([], [], {}, 3)
+    assert (empty["walls"], empty["path"], empty["motions"], len(empty["time"])) == ([], [], {}, 3)
 
 
 def length(packed):

@@ -4,6 +4,7 @@ from . import figure_files as figure_files
 from . import plot_annotations as plot_annotations
 from . import plotting as plotting
 from .analysis import Analysis as Analysis
+from .analysis import source_analyses as source_analyses
 from .comparison import Comparison as Comparison
 from .comparison import compare_runs as compare_runs
 from .evaluation import dimension as dimension

@@ -8,7 +8,8 @@ inputs, for each name of its attribute `outputs` (name -> unit). Metrics, plots 
 `bouc_wen.alpha_x` like a member's variable. An empty dict, as for a run that is too short: there are no such signals, and
 what is expected of them is not judged. A function that counts rows instead of seconds has an attribute
 `row_interval` [s]; a scenario that records at another interval is refused. A function that takes its first row for a
-certain time has `first_row` [s]; a scenario or analysis that begins at another time is refused.
+certain time has `first_row` [s]; a scenario or analysis that begins at another time is refused. A function whose results
+are of the last seconds before each row has `window_length` [s]; a report marks the window whose result fails.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from twin.errors import ScenarioError, TwinError, nearest
 from twin.results.recording.signals import FULL_RUN, Window, window_mask
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
     from types import ModuleType
 
     from twin.results.evaluation.expression import Expression
@@ -65,6 +66,11 @@ class Analysis:
         if not isinstance(getattr(function, "outputs", None), dict):
             raise ScenarioError(f"{self.where}: {self.function} needs an attribute `outputs`, a dict of name -> unit.")
         return function
+
+    @property
+    def window_length(self) -> float:
+        """Duration before each row of which its results are [s]; 0 if they are of the entire run."""
+        return float(getattr(self.load(), "window_length", 0.0))
 
     def variables(self) -> dict[str, MemberVariable]:
         """Return the outputs of the analysis as variables of a member."""
@@ -115,6 +121,12 @@ class Analysis:
             values[f"{self.name}.{name}"] = column
             units[f"{self.name}.{name}"] = variable.unit
         return replace(signals, values=values, units=units)
+
+
+def source_analyses(analyses: Iterable[Analysis], signal: Expression) -> list[Analysis]:
+    """Return the analyses that compute the signals of an expression."""
+    names = {operand.name.partition(".")[0] for operand in signal.signals}
+    return [analysis for analysis in analyses if analysis.name in names]
 
 
 def analysis_input(signals: Signals, expression: Expression, window: Window) -> Any:

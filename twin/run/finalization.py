@@ -9,7 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from twin.errors import SimulationError
-from twin.results import Journal, evaluate, fill_sentence, link_latest
+from twin.results import Journal, evaluate, fill_sentence, find_violations, link_latest
 from twin.results import run_folder as results
 from twin.run.cases import Hardware, RunResult, add_notes
 from twin.run.conditions import OCCURRENCES, condition_notes
@@ -97,12 +97,19 @@ def write_summary_and_report(
             plots=result.scenario.plots,
             parameters=parameter_rows(distinct, result.catalogs, str(result.scenario.path)),
             events=event_rows(distinct, result.summary.get(OCCURRENCES, ())),
-            scenes=scenes.report_scenes(result.scenario.scenes, result.tables, views),
+            scenes=scenes.report_scenes(
+                result.scenario.scenes,
+                result.tables,
+                views,
+                find_violations(result.scenario.expectations, result.evaluation, result.tables),
+            ),
             pictures=pictures,
             terminations=result.terminations,
             structures=list(result.structures.items()),
             refinements=[refinement.table_cells for refinement in result.refinements],
             expectations=result.scenario.expectations,
+            analyses=result.scenario.analyses,
+            previous_values=result.scenario.previous_values(),
             folder=str(result.folder),
         )
         results.write_text(result.folder / "report.html", text)

@@ -4,29 +4,30 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from twin.results import figure_files, metric_formats, plot_annotations, plotting
+from twin.results import figure_files, metric_formats, plot_annotations, plotting, source_analyses
 from twin.run.report_figure import ReportFigure
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from twin.results import Evaluation, Expectation, MetricFormat, MetricResult
+    from twin.results import Analysis, Evaluation, Expectation, MetricFormat, MetricResult
 
 WIDTH = 4.0  # [inch]: legible at 360 px
 MAX_ROWS = 12  # variants of a chart
 
 
-def draw_metric_charts(expectations: Iterable[Expectation], evaluation: Evaluation) -> list[ReportFigure]:
-    """Draw each failed expectation of a metric that no single sample violates."""
+def draw_metric_charts(
+    expectations: Iterable[Expectation], evaluation: Evaluation, analyses: Sequence[Analysis] = ()
+) -> list[ReportFigure]:
+    """Draw each failed expectation of a metric that no single sample of a recorded signal violates."""
     formats = metric_formats(evaluation.metric_results)
     figures = []
     for expectation, outcome in zip(expectations, evaluation.expectation_results, strict=False):
         results = {result.variant: result for result in evaluation.metric_results if expectation.judges(result)}
-        if (
-            outcome.verdict != "fail"
-            or not results
-            or not expectation.is_aggregate(next(iter(results.values())).metric)
-        ):
+        if outcome.verdict != "fail" or not results:
+            continue
+        metric = next(iter(results.values())).metric
+        if not expectation.is_aggregate(metric) and not source_analyses(analyses, metric.signal):
             continue
         rows = [results[name] for name in expectation.ordered or results if name in results]
         style = formats[rows[0].metric.name]

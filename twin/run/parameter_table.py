@@ -25,7 +25,10 @@ SMALL = 0.1  # parameters all of whose values are below are shown in the smaller
 
 @dataclass(frozen=True)
 class ParameterRow:
-    """Parameter in the report. `given`: not a component's default; `variants`: where, if not in all."""
+    """Parameter in the report. `given`: not a component's default; `variants`: where, if not in all.
+
+    `default`: of a parameter that is given, with its unit.
+    """
 
     member: str
     name: str
@@ -35,6 +38,7 @@ class ParameterRow:
     source: str = ""
     given: bool = False
     variants: str = ""
+    default: str = ""
 
 
 def parameter_rows(
@@ -43,6 +47,7 @@ def parameter_rows(
     """List every parameter, and input that a file sets, of every variant, equal ones once. `scenario_file`: as in locations; other files are named."""
     variants_of: dict[tuple[str, str], dict[tuple[str, str, str, bool], list[str]]] = {}
     descriptions: dict[tuple[str, str], str] = {}
+    defaults: dict[tuple[str, str], str] = {}
     for case in cases:
         for member, variables in catalogs[case.variant].items():
             spec, values = case.members[member], case.values(member, variables)
@@ -59,7 +64,7 @@ def parameter_rows(
                     setter = Path(spec.component.partition("#")[0]).name
                 source = sources.get(name, "")
                 if setter:
-                    default = " ".join(shown_value(variable.start, variable)).rstrip()
+                    defaults[member, name] = default = " ".join(shown_value(variable.start, variable)).rstrip()
                     parts = [f"default {default}"] * bool(default) + [source] * bool(source)
                     source = "; ".join([f"set by {setter}", *[": ".join(parts)] * bool(parts)])
                 key = (*shown_value(value, variable), source, bool(setter))
@@ -76,6 +81,7 @@ def parameter_rows(
             source,
             given,
             "" if len(variants) == count else ", ".join(quote_names(variants)),
+            defaults.get((member, name), ""),
         )
         for (member, name), texts in variants_of.items()
         for (text, unit, source, given), variants in texts.items()

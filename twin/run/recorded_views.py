@@ -16,7 +16,7 @@ from twin.coupling import find
 from twin.errors import CouplingError
 from twin.results import Signals, si_conversion
 from twin.scenario import resolve_targets, resolve_warning
-from twin.scene import page
+from twin.scene import nearest_indices, page
 from twin.web import SIZES, build_views
 
 if TYPE_CHECKING:
@@ -53,18 +53,24 @@ class RecordedSystem:
     expectations: tuple[Expectation, ...] = ()
 
 
-def machine_film(views: Sequence[Mapping[str, Any]], signals: Signals, max_values: int) -> dict[str, Any]:
-    """Return views with the values that move them, packed, at `max_values` numbers in all; what stands has one row."""
+def machine_film(
+    views: Sequence[Mapping[str, Any]], signals: Signals, max_values: int, times: Sequence[float] = ()
+) -> dict[str, Any]:
+    """Return views with the values that move them, packed, at `max_values` numbers in all; what stands has one row.
+
+    `times` [s]: the instants nearest to these are shown, too.
+    """
     names = list(dict.fromkeys(moving_signals(views)))
     size = sum(prod(np.shape(signals.values[name])[1:]) for name in names)
     count = min(MAX_INSTANTS, max_values // max(size, 1), len(signals.time))
     indices = np.linspace(0, len(signals.time) - 1, max(count, 1)).astype(np.int64)
+    indices = np.union1d(indices, nearest_indices(signals.time, times))
     values = {name: np.asarray(signals.values[name])[indices] for name in names}
     si = Signals(indices, values, signals.units).to_si(set(names))
     rows = {name: si[name][:1] if (si[name] == si[name][:1]).all() else si[name] for name in names}
     return {
         "views": views,
-        "time": page.pack_values(np.asarray(signals.time)[indices]),
+        "time": page.round_values(np.asarray(signals.time)[indices]),
         "signals": [{"name": name, "shape": si[name].shape[1:], **page.pack_values(rows[name])} for name in names],
     }
 

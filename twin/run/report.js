@@ -7,8 +7,8 @@ import { drawViews, elementOf } from "./views.js";
 const charts = [];
 let player = null, shownTime = null, isAtStart = false;
 
-// the first violation: the scene and the cursor of time begin there, in a variant that fails
-const { time: failedAt, variant: failing } = document.getElementById("plots")?.dataset ?? {};
+// the first violation: the scene and the cursor of time begin there
+const { dataset: start = {} } = document.getElementById("plots") ?? {};
 
 // what the legend of a pane names; panes with the same names share the legend of the first one
 const legendOf = (pane) => JSON.stringify(pane.curves.map(({ label, color, dash }) => [label, color, dash]));
@@ -52,7 +52,7 @@ class ReportChart extends Chart {
   // the scene begins with the curves, or at the first violation
   start() {
     isAtStart = true;
-    if (player) player.show(+(failedAt ?? this.axis()[0])); else if (failedAt) chartTimes(+failedAt);
+    goTo({ time: this.axis()[0], ...start });
   }
 
   // dim in panes without a legend of their own what is dimmed in the first one
@@ -67,12 +67,12 @@ class ReportChart extends Chart {
 // Film of the machine as the viewer draws it. `data`: of `machine_film` (recorded_views.py).
 class MachineFilm {
   constructor(place, { views, time, signals }) {
-    Object.assign(this, { time: unpackTrack(time), instant: 0, picture: place.appendChild(document.createElement("div")) });
+    Object.assign(this, { time, instant: 0, picture: place.appendChild(document.createElement("div")) });
     this.signals = signals.map((track) => ({ ...track, values: unpackTrack(track) }));
     this.move = drawViews(this.picture, views);
   }
 
-  show(at) { this.instant = Math.max(before(this.time, at + 1e-9), 0); this.draw(); }
+  show(at) { this.instant = nearest(this.time, at); this.draw(); }
   draw() {
     const rowOf = ({ values, count }) => (values.length > count ? this.instant : 0); // what stands has one row
     this.move(Object.fromEntries(this.signals.map((track) => [track.name, elementOf(track.values, rowOf(track), track.shape)])));
@@ -118,6 +118,14 @@ function showTime(time, origin) {
   origin.setTime(null);
 }
 
+// show a case and a time [s] in the scene, or the time in the charts
+function goTo({ variant, seed, time }) {
+  const isCase = ({ case: own }) => own?.[0] === variant && own[1] === +seed, first = films.findIndex(isCase);
+  player?.play(false);
+  if (first >= 0 && !isCase(films[player.films.indexOf(player.film)])) player.select(first);
+  if (time !== undefined) { if (player) player.show(+time); else chartTimes(+time); }
+}
+
 function chartTimes(time) {
   shownTime = time;
   for (const chart of charts) chart.setTime(time);
@@ -140,10 +148,10 @@ if (films.length) {
   document.body.classList.add("with-films");
   const highest = () => Math.max(innerHeight * 0.2, 110), canvas = stage.querySelector(".view");
   player = new Player(stage, films.map((data) => (data.views ? new MachineFilm(stage.querySelector(".machine"), data) : new Film(canvas, data, highest))), chartTimes);
-  const first = films.findIndex(({ name }) => `, ${name}`.includes(`, ${failing}, seed `));
-  if (first > 0) { stage.querySelector(".film").value = first; player.select(first); }
+  goTo(start);
   scrollThrough(stage);
 }
+for (const link of document.querySelectorAll(".failures a[data-variant]")) link.addEventListener("click", () => goTo(link.dataset));
 
 // tables and drawings that are wider than the page say so
 const widths = new ResizeObserver((entries) => { for (const { target } of entries) target.classList.toggle("cut", target.scrollWidth > target.clientWidth + 1); });

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import zip_longest
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +20,7 @@ from twin.results import (
 from twin.run.metric_charts import draw_metric_charts
 from twin.run.report import VERDICTS, has_own_name, is_failure, list_failures, metric_rows
 from twin.run.report_figure import ReportFigure
-from twin.run.report_plots import HERE, draw_plots
+from twin.run.report_plots import HERE, draw_plots, trace_to_inputs
 from twin.run.variant_matrix import build_matrix
 from twin.scene import page as scene_page
 from twin.web import PackedArrays, chart_script, embed_json, read_static, report_templates
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
     from markupsafe import Markup
 
-    from twin.results import Evaluation, Signals
+    from twin.results import Analysis, Evaluation, Signals
     from twin.run.event_table import EventRow
     from twin.run.parameter_table import ParameterRow
     from twin.run.scenes import ReportScenes
@@ -116,17 +117,24 @@ def report_html(
     structures: Sequence[tuple[tuple[str, str], Sequence[str]]] = (),
     refinements: Sequence[Mapping[str, str]] = (),
     expectations: Sequence[Expectation] = (),
+    analyses: Sequence[Analysis] = (),
+    previous_values: Sequence[str] = (),
     folder: str = "latest",
 ) -> str:
     """Render report.html. `summary`: from `run_folder.build_summary`; without `plots` every recorded signal is drawn.
 
     `pictures`: finished figures with title, svg and note; `structures`: diagrams as (SVG, remarks) and their variants.
     `refinements`: cells of metrics at half the step. `expectations`: in the order of their results, to mark violations.
-    `folder`: of the run, for the commands that show its curves.
+    `previous_values`: of the scenario's overrides. `analyses`: a violated metric of theirs is marked in their inputs. `folder`: of the run, for the commands that show its curves.
     """
     violations = find_violations(expectations, evaluation, tables)
     arrays = PackedArrays()
-    in_curves = [violation for violation in violations if not violation.over_time]
+    in_curves = [
+        traced
+        for violation in violations
+        if not violation.over_time
+        for traced in trace_to_inputs(violation, analyses, tables)
+    ]
     curves = draw_plots(plots, tables, [row.annotation for row in events], in_curves, arrays, folder)
     first = next((violation for violation in in_curves if not violation.reduce), None)
     order = [result.name for result in evaluation.expectation_results]
@@ -137,7 +145,7 @@ def report_html(
         numbers = [order.index(name) for name in figure.violations]
         return not is_first, not numbers, not figure.panels, min(numbers, default=0)
 
-    figures = sorted([*curves, *draw_metric_charts(expectations, evaluation)], key=rank)
+    figures = sorted([*curves, *draw_metric_charts(expectations, evaluation, analyses)], key=rank)
     films = scenes.films if scenes else []
     reason = "; ".join(group_lines(str(summary.get("reason") or "").splitlines(), tables))
     summary = {**summary, "reason": reason, "notes": group_lines(summary.get("notes", ()), tables)}
@@ -158,6 +166,7 @@ def report_html(
                 *(ReportFigure(picture["title"], picture["svg"], picture["note"]) for picture in pictures),
             ],
             members=group_by_member(parameters),
+            changes=describe_changes(summary.get("overrides", ()), previous_values, parameters),
             events=events,
             words={key: word for key, (word, _) in VERDICTS.items()},
             named=has_own_name,
@@ -174,7 +183,8 @@ def report_html(
             refinements=refinements,
             matrix=build_matrix(evaluation, violations),
             titles=SECTIONS,
-            start=next(iter(first.cases.items())) if first else None,
+            start=next((violation.first for violation in (first, *in_curves) if violation), None),
+            starts={violation.name: violation.first for violation in reversed([*in_curves, *violations])},
             incomplete=[
                 f"{variant}, seed {seed}" for (variant, seed), signals in tables.items() if not signals.complete
             ],
@@ -201,11 +211,25 @@ def titled_structures(
 
 
 def group_by_member(parameters: Sequence[ParameterRow]) -> dict[str, list[ParameterRow]]:
-    """Return the parameters by member, members with set parameters first."""
+    """Return the parameters by member, those set by an option first, then the others that are set."""
     members: dict[str, list[ParameterRow]] = {}
-    for row in sorted(parameters, key=lambda row: not row.given):
+    for row in sorted(parameters, key=lambda row: (not row.source.startswith("set by `--"), not row.given)):
         members.setdefault(row.member, []).append(row)
     return members
+
+
+def describe_changes(
+    overrides: Sequence[str], previous_values: Sequence[str], parameters: Sequence[ParameterRow]
+) -> list[tuple[str, str]]:
+    """Return each override as `name value`, and what it was or what the component's default is."""
+    defaults = {f"{row.member}.{row.name}": row.default for row in parameters}
+    changes = []
+    for option, before in zip_longest(overrides, previous_values, fillvalue=""):
+        name, _, value = option.partition("=")
+        default = defaults.get(name.replace(".parameters.", "."), "")
+        was = f"was {before}" if before not in ("", value) else f"default {default}" if default else ""
+        changes.append((f"{name} {value}", was))
+    return changes
 
 
 def page_scripts(

@@ -8,15 +8,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlencode
 
+import numpy as np
+
 from twin import clock
-from twin.results import Plot, PlotCurve, join_numbers, list_names, plotting
+from twin.results import Plot, PlotCurve, Window, join_numbers, list_names, plotting, source_analyses
 from twin.run import report_curves
 from twin.run.report_figure import ReportFigure
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from twin.results import EventLine, Signals, Violation
+    from twin.results import Analysis, EventLine, Signals, Violation
     from twin.web import PackedArrays
 
     Tables = Mapping[tuple[str, int], Signals]
@@ -59,6 +61,35 @@ def draw_plots(
     return figures
 
 
+def trace_to_inputs(violation: Violation, analyses: Sequence[Analysis], tables: Tables) -> list[Violation]:
+    """Return where a violated metric of an analysis comes from: its worst window of each input; else the violation itself."""
+    sources = source_analyses(analyses, violation.signal) if violation.reduce else []
+    if not sources:
+        return [violation]
+    ends: dict[tuple[str, int], float | None] = {}
+    for case, instant in violation.cases.items():
+        parts = list(tables[case].evaluate_parts(violation.signal, violation.window))
+        if instant is not None and parts:  # a result that stays for a while is of the window before its last row
+            time, value = map(np.concatenate, zip(*parts, strict=True))
+            ends[case] = float(time[value == value[np.argmin(np.abs(time - instant))]][-1])
+    units = next(iter(tables.values())).units
+    return [
+        replace(
+            violation,
+            signal=signal,
+            window=Window(),
+            cases=ends,
+            unit=units.get(signal.single.name, "") if signal.single else "",
+            low=None,
+            high=None,
+            span=analysis.window_length,
+        )
+        for analysis in sources
+        for signal in analysis.inputs.values()
+        if analysis.window_length and ends
+    ]
+
+
 def view_command(plot: Plot, folder: str) -> str:
     """Return the command that opens the signals of a plot in the viewer."""
     signals = [f'"{name}"' if re.search(r"[^\w.]", name) else name for name in viewed_signals(plot)]
@@ -81,7 +112,7 @@ def plots_of_unshown_violations(plots: Sequence[Plot], tables: Tables, violation
         curve = PlotCurve(violation.signal, violation.signal.text)
         extra_plots.append(
             Plot(
-                f"Failed: {violation.name}",
+                f"Failed: {violation.name}" + (f", worst {violation.span:g} s" if violation.span else ""),
                 (curve,),
                 unit=violation.unit,
                 per_variant=len(variants) > 1,
@@ -131,7 +162,7 @@ def plot_note(plot: Plot, tables: Tables, shown_violations: Sequence[Violation])
         parts.append("red: " + "; ".join(violation_note(violation, plot) for violation in shown_violations))
     missing = (
         len(shown_violations[0].variants) - MAX_PANELS
-        if shown_violations and plot.title == f"Failed: {shown_violations[0].name}"
+        if shown_violations and plot.title.startswith(f"Failed: {shown_violations[0].name}")
         else 0
     )
     if missing > 0:
@@ -143,4 +174,5 @@ def violation_note(violation: Violation, plot: Plot) -> str:
     """Return what is violated and in which variants of the plot: `violates safe: a.force at most 1 N, in PI`."""
     name = "" if violation.text.startswith(violation.name) else f"{violation.name}: "
     variants = [variant for variant in violation.variants if not plot.variants or variant in plot.variants]
-    return f"violates {name}{violation.text}, in {list_names(variants)}"
+    verb = f"the worst {violation.span:g} s, which violate" if violation.span else "violates"
+    return f"{verb} {name}{violation.text}, in {list_names(variants)}"

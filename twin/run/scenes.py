@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from twin.results import Signals
+    from twin.results import Signals, Violation
     from twin.scene import Frames, Scene
 
 REPORT_INSTANTS = 3  # of a scene on the paper of a report
@@ -74,7 +74,7 @@ def scene_frames(
 
 @dataclass(frozen=True)
 class ReportScenes:
-    """Scenes of a report: films of all variants with the first seed, and still pictures of the first case for paper."""
+    """Scenes of a report: films of all variants with the first seed and of failures, and still pictures of the first case for paper."""
 
     films: list[dict[str, Any]]
     stills: list[ReportFigure]
@@ -84,34 +84,40 @@ def report_scenes(
     scenes: Sequence[Scene],
     tables: Mapping[tuple[str, int], Signals],
     views: Mapping[str, list[dict[str, Any]]] = MappingProxyType({}),
+    violations: Sequence[Violation] = (),
 ) -> ReportScenes:
     """Return the scenes of a run for its report; `twin view` plays them with all instants.
 
     `views`: of the machine, by variant, as the viewer draws them; they replace the lines of the scenes.
+    `violations`: each case in which one is shown first has a film, with that instant.
     """
-    first: dict[tuple[str, int], Signals] = {}
-    for key, signals in tables.items():
-        if key[0] not in {variant for variant, _ in first}:
-            first[key] = signals
-    names = {case: f"{case[0]}, seed {case[1]}" if len(first) > 1 else "" for case in first}
+    first_seeds = {variant: (variant, seed) for variant, seed in reversed(list(tables))}
+    instants: dict[tuple[str, int], list[float]] = {}
+    for case, instant in (violation.first for violation in violations):
+        instants.setdefault(case, []).extend([] if instant is None else [instant])
+    filmed = [*instants, *(case for case in first_seeds.values() if case not in instants)][:MAX_FILMS]
+    shown = {case: signals for case, signals in tables.items() if case in filmed}
+    names = {f"{case[0]}, seed {case[1]}" if len(shown) > 1 else "": case for case in shown}
     machines = {
-        names[case]: partial(machine_film, own, signals)
-        for case, signals in first.items()
-        if (own := views.get(case[0]))
+        name: partial(machine_film, own, shown[case]) for name, case in names.items() if (own := views.get(case[0]))
     }
-    animations = {scene.title: list(scene_frames([scene], first)) for scene in scenes}
+    animations = {scene.title: list(scene_frames([scene], shown)) for scene in scenes}
     several = len(animations) > 1
-    makers: list[tuple[str, Callable[[int], dict[str, Any]]]] = [
-        (name or "Machine", film) for name, film in machines.items()
+    makers: list[tuple[str, str, Callable[[int, Sequence[float]], dict[str, Any]]]] = [
+        (name or "Machine", name, film) for name, film in machines.items()
     ]
     makers += [
-        (", ".join(filter(None, [title if several or not case else "", case])), partial(page.film_data, frames))
+        (", ".join(filter(None, [title if several or not name else "", name])), name, partial(page.film_data, frames))
         for title, cases in animations.items()
-        for _, case, frames in cases
-        if case not in machines
+        for _, name, frames in cases
+        if name not in machines
     ]
     makers = makers[:MAX_FILMS]
-    films = [{"name": name, **film(MAX_VALUES // len(makers))} for name, film in makers]
+    films = [
+        {"name": title, "case": case, **film(MAX_VALUES // len(makers), instants.get(case, ()))}
+        for title, name, film in makers
+        for case in [names[name]]
+    ]
     stills = []
     for title, cases in animations.items():
         for _, variant, frames in cases[:1]:

@@ -58,6 +58,7 @@ def build_matrix(evaluation: Evaluation, violations: Sequence[Violation]) -> Mat
     results = {(result.variant, result.metric.name): result for result in evaluation.metric_results}
     formats = metric_formats(evaluation.metric_results)
     failed_names: dict[str, list[str]] = {}
+    failed_cells = {(variant, violation.metric) for violation in violations for variant in violation.variants}
     for violation in violations:
         for variant in violation.variants:
             failed_names.setdefault(variant, []).append(violation.name)
@@ -77,8 +78,11 @@ def build_matrix(evaluation: Evaluation, violations: Sequence[Violation]) -> Mat
                 if result.paper is None
                 else formats[name].reference(result.paper).removesuffix(formats[name].label).rstrip()
             )
-            cells.append(MatrixCell(text, paper, value, result.verdict))
-        failed_metrics = [name for name, cell in zip(metrics, cells, strict=True) if cell.verdict in FAILED]
+            verdict = "fail" if (variant, name) in failed_cells else result.verdict
+            cells.append(MatrixCell(text, paper, value, verdict))
+        failed_metrics = [
+            name for name in metrics if (variant, name) in results and results[variant, name].verdict in FAILED
+        ]
         rows.append(MatrixRow(variant, tuple(cells), (*failed_names.get(variant, ()), *failed_metrics)))
     columns = tuple(
         (name, formats[name].label, ": ".join(filter(None, (metric.description, metric_definition(metric)))))

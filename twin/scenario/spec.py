@@ -341,6 +341,12 @@ class ScenarioSpec:
 
         return replaced_values(self.source_tree, self.overrides, variants)
 
+    def previous_values(self) -> list[str]:
+        """Return the value that each override replaces in the file; empty if the file sets none."""
+        from twin.scenario.yaml_files.override import previous_values
+
+        return previous_values(self.source_tree, self.overrides)
+
     def derived(self, variant: str) -> Catalog:
         """Return the output variables of a variant's analyses, as a catalog with each analysis as a member."""
         analyses = [analysis for analysis in self.analyses if not analysis.variants or variant in analysis.variants]

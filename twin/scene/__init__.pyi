@@ -7,6 +7,7 @@ from .environment_files import READERS as READERS
 from .environment_files import read_environment as read_environment
 from .environment_files import shipped_environments as shipped_environments
 from .frames import Frames as Frames
+from .frames import nearest_indices as nearest_indices
 from .frames import points_along_path as points_along_path
 from .frames import scene_instants as scene_instants
 from .frames import still_frames as still_frames

@@ -1,22 +1,21 @@
 // Film of a scene: walls, lines, points and arrows on one canvas, at any of its instants.
 //
 //   new Film(canvas, data, highest)   data: of `film_data` (page.py); highest: () -> limit of the height [px]
-//   show(time): draw the last instant that is not after a time [s]      legend(): its entries, as elements
+//   show(time): draw the instant that is nearest to a time [s]      legend(): its entries, as elements
 // Wheel or pinch: zoom. Drag: move what is zoomed in.
 
-import { before } from "./scale.js";
+import { nearest } from "./scale.js";
 
 class Film {
   constructor(canvas, data, highest) {
     Object.assign(this, data, { canvas, picture: canvas, highest, instant: 0, pointers: new Map() });
-    this.time = unpackTrack(data.time);
     for (const key of ["lines", "points"]) this[key] = data[key].map((track) => ({ ...track, values: unpackTrack(track) }));
     this.arrows = data.arrows.map((track) => ({ ...track, values: unpackTrack(track), origins: unpackTrack(track.at) }));
     this.motions = Object.fromEntries(Object.entries(data.motions).map(([name, track]) => [name, unpackTrack(track)]));
     this.fit();
   }
 
-  show(time) { this.instant = Math.max(before(this.time, time + 1e-9), 0); this.draw(); }
+  show(time) { this.instant = nearest(this.time, time); this.draw(); }
   fit() { this.zoom = 1; this.shift = [0, 0]; }
 
   legend() {

@@ -14,7 +14,7 @@ from twin.scene import geometry
 from twin.scene.space import DIRECTIONS, LINE_POINTS, Space, SpaceView
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -96,9 +96,10 @@ class Frames:
             curves=tuple((label, values[indices]) for label, values in self.curves),
         )
 
-    def thin(self, max_instants: int) -> Frames:
-        """Reduce to at most so many instants, evenly spaced."""
-        return self.select(np.arange(0, len(self.time), -(-len(self.time) // max_instants) or 1))
+    def thin(self, max_instants: int, times: Sequence[float] = ()) -> Frames:
+        """Reduce to at most so many instants, evenly spaced, and those nearest to times [s]."""
+        even = np.arange(0, len(self.time), -(-len(self.time) // max_instants) or 1)
+        return self.select(np.union1d(even, nearest_indices(self.time, times)))
 
     def resample(self, step: float) -> Frames:
         """Resample to the last instant before each multiple of a time step [s]."""
@@ -142,6 +143,11 @@ class Frames:
         size = upper - lower
         room = MARGIN * max(size.max(), 1e-3) + np.maximum(MIN_ASPECT * size.max() - size, 0.0) / 2
         return (*(lower - room).tolist(), *(upper + room).tolist())
+
+
+def nearest_indices(time: Array, times: Sequence[float]) -> Array:
+    """Return the indices of the samples that are nearest to times [s]."""
+    return np.array([np.abs(np.asarray(time) - instant).argmin() for instant in times], np.int64)
 
 
 def still_frames(environment: Environment) -> Frames:

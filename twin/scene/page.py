@@ -11,7 +11,7 @@ import numpy as np
 from twin.web import chart_script, embed_json, page_templates, read_static
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -48,13 +48,16 @@ def round_values(values: Any) -> Any:
     return [round_values(value) for value in values] if isinstance(values, list) else float(f"{values:.10g}")
 
 
-def film_data(frames: Frames, max_values: int = MAX_VALUES) -> dict[str, Any]:
-    """Return the page's data of one case with at most so many moving coordinates; lengths in millimeters."""
+def film_data(frames: Frames, max_values: int = MAX_VALUES, times: Sequence[float] = ()) -> dict[str, Any]:
+    """Return the page's data of one case with at most so many moving coordinates; lengths in millimeters.
+
+    `times` [s]: the instants nearest to these are shown, too.
+    """
     moving = [track.points for track in (*frames.lines, *frames.points)]
     moving += [array for track in frames.arrows for array in (track.at, track.vectors)]
     numbers = sum(track[0].size for track in moving) or 1
     shown, sampled = (
-        frames.thin(max(min(max_values // numbers, MAX_CURVE_INSTANTS), 2)),
+        frames.thin(max(min(max_values // numbers, MAX_CURVE_INSTANTS), 2), times),
         frames.thin(MAX_CURVE_INSTANTS),
     )
     environment = frames.environment
@@ -62,7 +65,7 @@ def film_data(frames: Frames, max_values: int = MAX_VALUES) -> dict[str, Any]:
         "bounds": round_values(np.array(frames.bounds) * 1e3),
         "walls": [wall_data(wall) for wall in (environment.walls if environment else ())],
         "path": round_values(environment.path.ravel() * 1e3) if environment else [],
-        "time": pack_values(shown.time),
+        "time": round_values(np.asarray(shown.time)),
         "lines": [
             {
                 "label": track.label,

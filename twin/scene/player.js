@@ -5,7 +5,7 @@
 
 class Player {
   constructor(root, films, notify) {
-    this.find = (name) => root.querySelector(`.${name}`);
+    this.find = (name) => root.querySelector(`.${name}:not(.machine *)`); // drawings of machines have classes of their own
     Object.assign(this, { films, notify });
     this.playing = false;
     this.listen();
@@ -17,6 +17,7 @@ class Player {
   select(number) {
     const time = this.film ? this.clock : this.films[number].time[0];
     this.film = this.films[number];
+    this.find("film").value = number;
     for (const film of this.films) film.picture.hidden = true;
     this.film.picture.hidden = false;
     this.find("fit").hidden = !this.film.fit;
@@ -31,8 +32,9 @@ class Player {
     this.clock = Math.min(Math.max(time, times[0]), times.at(-1));
     this.film.show(this.clock);
     this.find("time").value = this.film.instant;
-    this.find("now").textContent = `${this.clock.toFixed(3)} s`;
-    this.notify(this.clock, this.film);
+    const shown = times[this.film.instant]; // the time of what is drawn: a film has fewer instants than the recording
+    this.find("now").textContent = `${shown.toFixed(3)} s`;
+    this.notify(shown, this.film);
   }
 
   step(by) { this.show(this.film.time[Math.min(Math.max(this.film.instant + by, 0), this.film.time.length - 1)]); }

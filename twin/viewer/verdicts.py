@@ -20,6 +20,7 @@ from twin.results import (
     find_violations,
     metric_formats,
     si_conversion,
+    source_analyses,
 )
 from twin.run import event_rows
 from twin.scenario import lint
@@ -165,9 +166,8 @@ class Verdicts:
 
     def analyzed(self, signal: str) -> list[str]:
         """Return the recorded signals from which analyses compute a signal: a value of a window alone shows no cause."""
-        sources = {operand.name.partition(".")[0] for operand in expression.parse(signal).signals}
-        analyses = self.scenario.analyses if self.scenario else ()
-        inputs = [source for analysis in analyses if analysis.name in sources for source in analysis.inputs.values()]
+        analyses = source_analyses(self.scenario.analyses if self.scenario else (), expression.parse(signal))
+        inputs = [source for analysis in analyses for source in analysis.inputs.values()]
         return [ast.unparse(source.tree) for source in inputs if self._has(source)]
 
     def _has(self, signal: Expression) -> bool:

@@ -23,4 +23,4 @@ def analysis(force):
 
 
 analysis.outputs = {"force_std": "N"}
-analysis.row_interval, analysis.first_row = SAMPLE, 0.0
+analysis.row_interval, analysis.first_row, analysis.window_length = SAMPLE, 0.0, LENGTH

@@ -411,6 +411,8 @@ def check_limits(
         )
         return ExpectationResult(name, "pass", f"{what} was {span}; expected {expected}.")
     worst = " to ".join(dict.fromkeys(shown(edge(values)) for edge, values in ((min, lows), (max, highs)) if values))
+    if expectation.signal is None and len({row.case[1] for row in failing if row.case is not None}) > 1:
+        worst = f"worst seed {worst}"
     limits = f", expected {expected.removeprefix('from ')}" if expectation.name else ""
     times = [row.first_violation for row in failing if row.first_violation is not None]
     first = f"first at {min(times):.6g} s" if times else ""

@@ -11,7 +11,7 @@ from twin.results.evaluation.metric_format import metric_format
 from twin.results.recording.signals import format_value
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from twin.results.evaluation.metrics import Expectation, MetricResult
 
@@ -40,19 +40,26 @@ def check_order(expectation: Expectation, results: Mapping[str, MetricResult]) -
     texts = [f"{names[result.variant]} {style.text(result.mean, scale)}" for result in ordered_results]
     margin = format_margin(expectation)
     side = "above" if expectation.descending else "below"
-    failing = [
-        (before, after)
-        for before, after in itertools.pairwise(range(len(texts)))
-        if not is_ordered(expectation, ordered_results[before].mean, ordered_results[after].mean)
-    ]
+    failing = failing_pairs(expectation, ordered_results)
     seeds = failing_seeds(expectation, ordered_results)
     comparison = f"{expectation.metric}: {(' > ' if expectation.descending else ' < ').join(texts)}"
     if not failing:
         required = f" (required margin: {margin})" if margin else ""
         return name, "pass", f"{comparison}{required}{f'; not at {seeds}' * bool(seeds)}.", ""
-    before, after = failing[0]
+    before, after = (ordered_results.index(result) for result in failing[0])
     detail = " ".join(filter(None, [texts[before], "is not", margin, side, texts[after]]))
     return name, "fail", f"{detail}{f'; {seeds}' * bool(seeds)}.", f"{expectation.metric}: {', '.join(texts)}."
+
+
+def failing_pairs(
+    expectation: Expectation, ordered_results: Sequence[MetricResult]
+) -> list[tuple[MetricResult, MetricResult]]:
+    """Return the consecutive variants whose means are not in the expected order."""
+    return [
+        (before, after)
+        for before, after in itertools.pairwise(ordered_results)
+        if not is_ordered(expectation, before.mean, after.mean)
+    ]
 
 
 def is_ordered(expectation: Expectation, before: float | None, after: float | None) -> bool:

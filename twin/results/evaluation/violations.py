@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.results.evaluation.metrics import Evaluation, Expectation, Metric, MetricResult, Plot, describe_limits
+from twin.results.evaluation.ordering import failing_pairs
 from twin.results.evaluation.reduction import INSTANT_INDEX, is_outside
 from twin.results.recording.signals import Signals, Window, window_mask
 
@@ -27,6 +28,7 @@ class Violation:
     """Failed expectation. `low`, `high` [SI]: limits of every sample, or of the sample that `reduce` selects.
 
     `cases`: each with the time of that sample, or of the first violating sample [s]; None of a metric of many samples.
+    `metric`: the one that it limits. `span` [s]: all samples of a case up to its time violate it, for so long.
     """
 
     name: str
@@ -39,11 +41,18 @@ class Violation:
     high: float | None = None
     reduce: str = ""
     over_time: bool = False  # a metric of many samples, or several metrics: no single sample violates it
+    metric: str = ""
+    span: float = 0.0
 
     @property
     def variants(self) -> tuple[str, ...]:
         """Variants with a violation."""
         return tuple(dict.fromkeys(variant for variant, _ in self.cases))
+
+    @property
+    def first(self) -> tuple[tuple[str, int], float | None]:
+        """The case that it concerns first, and the time: the earliest sample, or the first case of a metric."""
+        return min(self.cases.items(), key=lambda item: 0.0 if self.reduce or item[1] is None else item[1])
 
     @property
     def limits(self) -> list[float]:
@@ -59,6 +68,8 @@ class Violation:
         if not self.reduce:
             return window_mask(np.asarray(time), self.window) & is_outside(value, self.low, self.high)
         mask, instant = np.zeros(len(time), bool), self.cases[case]
+        if self.span and instant is not None:
+            return (np.asarray(time) > instant - self.span) & (np.asarray(time) <= instant)
         if instant is not None and len(time) and time[0] <= instant <= time[-1]:
             mask[np.argmin(np.abs(np.asarray(time) - instant))] = True
         return mask
@@ -144,8 +155,13 @@ def metric_time(signals: Signals, metric: Metric) -> float | None:
 
 
 def metric_violation(expectation: Expectation, results: Iterable[MetricResult], tables: Tables) -> Violation | None:
-    """Find the cases whose metric is outside of the limits; all cases of an order or a mean."""
+    """Find the cases whose metric is outside of the limits; all cases of a mean, and of variants that break an order."""
     selected = [result for result in results if expectation.judges(result)]
+    if expectation.ordered:
+        of_variant = {result.variant: result for result in selected}
+        in_order = [of_variant[variant] for variant in expectation.ordered if variant in of_variant]
+        failing = [result for pair in failing_pairs(expectation, in_order) for result in pair]
+        selected = [result for result in selected if result in failing]
     if not selected:
         return None
     metric = selected[0].metric
@@ -176,4 +192,5 @@ def metric_violation(expectation: Expectation, results: Iterable[MetricResult], 
         high,
         metric.reduce,
         expectation.is_aggregate(metric),
+        metric.name,
     )

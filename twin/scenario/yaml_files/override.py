@@ -70,17 +70,31 @@ def replaced_values(root: Node, options: Iterable[str], variants: Collection[str
     sentences = []
     for option in options:
         path, value = parse_option(option)
-        name, _, rest = path.partition(".")
-        keys = {(path,), ("members", name, rest), ("members", name, "parameters", rest.removeprefix("parameters."))}
         own_values = [
             f"{variant} ({own.plain()})"
             for variant, node in nodes.items()
-            for key in keys
+            for key in option_keys(path)
             if variant in variants and has_path(node, key) and (own := node.find(key)).plain() != value.plain()
         ]
         if own_values:
             sentences.append(f"--set {option} also replaces what variants set themselves: {', '.join(own_values)}.")
     return sentences
+
+
+def previous_values(root: Node, options: Iterable[str]) -> list[str]:
+    """Return for each `--set` option the value that it replaces in the file; empty if the file sets none."""
+    values = []
+    for option in options:
+        path, _ = parse_option(option)
+        own = (root.find(key).plain() for key in option_keys(path) if has_path(root, key))
+        values.append(str(next(own, "")))
+    return values
+
+
+def option_keys(path: str) -> set[tuple[str, ...]]:
+    """Return the keys at which a file may have the value of an option."""
+    name, _, rest = path.partition(".")
+    return {(path,), ("members", name, rest), ("members", name, "parameters", rest.removeprefix("parameters."))}
 
 
 def has_path(node: Node, path: tuple[str, ...]) -> bool:
