@@ -50,6 +50,8 @@ def test_its_answers(study):
     assert table.loc["plain", "deviation"] == pytest.approx(own.std())
     assert table.loc["plain", "50 %"] == pytest.approx(own.median())
     assert table.loc["plain", "worst case"] == study.cases.loc[own.idxmax(), "case"]
+    margin = next(name for name in study.cases if name.startswith("margin: "))
+    assert study.cases[margin].notna().any()
     rates = study.expectations.set_index("variant")
     assert (rates.loc["plain", "met"], rates.loc["plain", "pass rate"]) == (3, 1.0)
     assert study.answers["cases"] == 6

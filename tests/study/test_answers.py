@@ -223,6 +223,36 @@ def test_the_headline_names_one_change_and_what_did_not_finish(tmp_path):
     assert texts[-1] == "1 case did not finish."
 
 
+def test_a_flag_at_its_limit_in_every_case_is_not_the_closest(tmp_path):
+    """The margin counts as a part of the width of the limits; one that never varies counts nothing."""
+    limits = (
+        "  - {name: flag, signal: heart.position, at_most: 0 mm}\n"
+        "  - {name: range, signal: sensor.measured_force, at_least: 0.1 N, at_most: 0.4 N}\n"
+    )
+    study = load_study(study_file(tmp_path, STUDY.replace("\nkeep:", "\nvariants: [plain]\nkeep:"), SCENARIO + limits))
+    requests = list(study.requests())
+    rows = [
+        Row(
+            request.number,
+            "done",
+            "",
+            (0.01, 0.01),
+            (True, None, True, True),
+            extremes=(None, None, (0.0, 0.0), (0.2, high)),
+        )
+        for request, high in zip(requests, (0.3, 0.31, 0.39, 0.3, 0.2, 0.3), strict=True)
+    ]
+    cases = CaseTable(study, requests, rows)
+    first = headline(Answers(cases))[0]
+    assert first.text.endswith(
+        "closest to its limit: case 3, where sensor.measured_force is 0.39 N, expected at most 0.4 N."
+    )
+    assert cases.margins(3) == pytest.approx([0.1, 0.09, 0.01, 0.1, 0.1, 0.1])
+    still = [replace(row, extremes=rows[0].extremes) for row in rows]
+    sentence = headline(Answers(CaseTable(study, requests, still)))[0]
+    assert (sentence.text, sentence.case) == ("All 3 requirements hold in each of 6 cases.", None)
+
+
 def test_the_worst_case_of_a_limit_on_a_signal_is_named(tmp_path):
     """By the samples that the case stored, whatever the order of the cases is."""
     limit = "  - {name: never more, signal: sensor.measured_force, at_most: 80 mN}\n"

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from twin.face.progress import Progress
 
 CASES = "cases.parquet"
+MARGIN = "margin: "  # before the name of a requirement
 SHOWN = "SI, shown in "  # before the unit of a metric in cases.parquet
 
 
@@ -114,7 +115,10 @@ class StudyResult:
 
     @cached_property
     def cases(self) -> pd.DataFrame:
-        """A row for each case: factors, metrics in the units of the report, `holds: EXPECTATION`, status; units in `.attrs["units"]`."""
+        """A row for each case: factors, metrics in the units of the report, `holds: EXPECTATION`, status; units in `.attrs["units"]`.
+
+        `margin: EXPECTATION`: distance to its nearest limit; negative if violated.
+        """
         import_optional("pandas", "python", "a DataFrame")
         from pyarrow import parquet
 
@@ -123,10 +127,12 @@ class StudyResult:
         frame: pd.DataFrame = table.to_pandas()
         units = {field.name: ((field.metadata or {}).get(b"unit") or b"").decode() for field in table.schema}
         shown = {name: unit.removeprefix(SHOWN) for name, unit in units.items() if unit.startswith(SHOWN)}
-        for name, unit in display_units(shown).items():
+        margins = {name: unit for name, unit in shown.items() if name.startswith(MARGIN)}
+        metrics = display_units({name: unit for name, unit in shown.items() if name not in margins})
+        for name, unit in {**metrics, **margins}.items():
             units[name] = unit
             factor, offset = si_conversion(unit)
-            frame[name] = (frame[name].astype(float) - offset) / factor
+            frame[name] = (frame[name].astype(float) - (0.0 if name in margins else offset)) / factor
         frame.attrs["units"] = units
         return frame
 
@@ -147,7 +153,7 @@ class StudyResult:
             row = {key: (value - offset) / factor if isinstance(value, float) else value for key, value in row.items()}
             deviation = spread["deviation"]
             row["deviation"] = None if deviation is None else deviation / factor
-            row["worst case"] = self.worst_case(spread["metric"], spread["variant"])
+            row["worst case"] = max(spread["least"], spread["most"], key=lambda end: abs(end[1]))[0]
             rows.append(row)
         return import_optional("pandas", "python", "a DataFrame").DataFrame(rows)
 
@@ -160,11 +166,11 @@ class StudyResult:
         return import_optional("pandas", "python", "a DataFrame").DataFrame(rows, columns=list(names.values()))
 
     def worst_case(self, metric: str, variant: str | None = None) -> int:
-        """Return the number of the case with the largest magnitude of a metric, of a variant or of all."""
+        """Return the number of the case with the largest magnitude of a metric, of the samples of a variant or of all."""
         metrics = [name for name in self.cases if name in {spread["metric"] for spread in self.answers["metrics"]}]
         if metric not in metrics:
             raise UnknownNameError(f"{self.folder}: has no metric {metric!r}. {nearest(metric, metrics)}")
-        cases = self.cases
+        cases = self.cases[self.cases.part == "sample"]
         if variant is not None:
             cases = cases[cases.variant == choice(variant, list(cases.variant.unique()), "variant")]
         values = cases[metric].abs()

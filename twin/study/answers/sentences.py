@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from twin.results import common_format, list_names
 from twin.study.answers.paired import INDEPENDENT_SAMPLES, MIN_SAMPLES
-from twin.study.answers.statistics import FAMILY_LEVEL, expectation_name, largest_p_value, worst_of_rate
+from twin.study.answers.statistics import FAMILY_LEVEL, expectation_name, largest_p_value, varying_rates, worst_of_rate
 from twin.study.answers.summary import MAX_SENTENCES, percent
 
 if TYPE_CHECKING:
@@ -65,7 +65,8 @@ def pass_sentences(answers: Answers) -> list[Sentence]:
         names = len({rate.name for rate in answers.shares})
         count = max(rate.count for rate in answers.shares)
         requirements = "the requirement holds" if names == 1 else f"all {names} requirements hold"
-        worst = max(filter(None, (worst_case(answers, rate) for rate in answers.shares)), default=None)
+        rates = varying_rates(answers.cases, answers.shares)
+        worst = max(filter(None, (worst_case(answers, rate) for rate in rates)), default=None)
         closest = f"; closest to its limit: case {worst.number}, {worst.text}" if worst else ""
         unit = "samples" if len(answers.study.variants) > 1 else "cases"
         text = f"{requirements.capitalize()} in each of {count} {unit}{closest}."
@@ -90,7 +91,7 @@ def pass_sentences(answers: Answers) -> list[Sentence]:
 
 
 class WorstInLimit(NamedTuple):
-    """The case of a variant nearest to a limit, or farthest beyond it; `excess`: part of the limit."""
+    """The case of a variant nearest to a limit, or farthest beyond it; `excess`: as of LimitExcess."""
 
     excess: float
     number: int
