@@ -96,11 +96,13 @@ def test_a_study_is_run_from_python(place, build, monkeypatch):
             twin.study(place / wrong)
 
 
-def test_what_is_not_there(study, place, monkeypatch):
+def test_what_is_not_there(study, place, build, monkeypatch):
     for call, text in (
         (lambda: study.worst_case("reachd"), "Did you mean 'reached'?"),
         (lambda: study.worst_case("reached", "plan"), "Did you mean 'plain'?"),
         (lambda: study.case(9), "has no case 9. There are 6."),
+        (lambda: study.case("x"), "'x' is not the number of a case."),
+        (lambda: study.case(1, out=place / "seven", build=build).plot("Places", seeds=7), "seeds 1"),
         (lambda: twin.open_study("gain"), "Did you mean 'gains'?"),
         (lambda: twin.open_study(study.folder.parent), "is a folder of studies. Name one of them"),
     ):

@@ -16,9 +16,9 @@ from scipy import stats
 from tests.every_case import every_case
 from tests.study.patients import SCENARIO, STUDY, study_file
 from twin.cli import group
-from twin.cli.check import check_file
+from twin.cli.check import check_file, notes
 from twin.results import Expectation
-from twin.study import Answers, headline, load_study, percent
+from twin.study import Answers, headline, load_study, percent, unreached_windows
 from twin.study.answers import plots, sensitivity, tables
 from twin.study.answers.page import linked
 from twin.study.answers.paired import mean_interval
@@ -268,6 +268,15 @@ def test_the_worst_case_of_a_limit_on_a_signal_is_named(tmp_path):
     assert first.case == requests[2].number
     assert first.text.endswith("is case 3, where sensor.measured_force is 95 mN, expected at most 80 mN.")
     assert noteworthy(cases, SimpleNamespace(failed=1, worst=0)) == [3]
+
+
+def test_windows_that_cases_do_not_reach_are_noted_before_a_run(tmp_path):
+    path = study_file(
+        tmp_path, STUDY.replace("\nkeep:", "\nset: {stop_time: 0.7 s}\nkeep:"), SCENARIO.replace("from: 1 s", "to: 1 s")
+    )
+    (note,) = unreached_windows(load_study(path))
+    assert note == "Motion has no value: the cases end at 700 ms, before the end of the window, 1 s."
+    assert notes(str(path)) == [note]
 
 
 def test_a_part_is_never_rounded_to_all_of_it():

@@ -79,17 +79,22 @@ def command(
     twin study thousand_patients
     twin run --case thousand_patients:713     repeat one case, with all signals
     """
-    from twin.study import Answers, latest, load_study, run_study
+    from twin.study import Answers, is_complete, latest, load_study, run_study
 
     study = load_study(file)
     if check_only:
-        from twin.study import estimate_time
+        from twin.study import estimate_time, unreached_windows
 
         with show_elapsed("running three cases of each variant"):
             estimate = estimate_time(study, build=build, workers=workers)
         show_estimate(study, estimate)
+        for note in unreached_windows(study):
+            say(f"note: {note}")
         sys.exit(1 if estimate.failures else 0)
     folder = latest(runs, study.name) if resume else None
+    if folder is not None and is_complete(study, folder):
+        say(f"{study.title}: already complete, nothing run. Results: {folder}")
+        return
     line = shlex.join(["twin", *sys.argv[1:]])
     with StudyDisplay(study.title) as display:
         outcome = run_study(

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
 from twin.face import notebook
-from twin.face.conversions import check_file, choice, python_option_names
+from twin.face.conversions import check_file, choice, plain, python_option_names
 from twin.face.finished_run import Run
 from twin.face.progress import progress_callback
 from twin.installed import import_optional
 from twin.results import display_units, find_results, readable_recording, si_conversion
-from twin.study import latest, load_study, percent, progress_text, repeat, run_study, stored_cases
+from twin.study import is_complete, latest, load_study, percent, progress_text, repeat, run_study, stored_cases
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,6 +46,8 @@ def study(
     check_file(file, "study", (".yaml", ".yml"), ScenarioError)
     checked = load_study(file)
     folder = latest(Path(out), checked.name) if resume else None
+    if folder is not None and is_complete(checked, folder):
+        return StudyResult(folder)
     with python_option_names(), progress_callback(progress, checked.title) as report_progress:
         outcome = run_study(
             checked,
@@ -180,9 +182,12 @@ class StudyResult:
 
     def case(self, number: int, *, out: str | Path = "runs", build: str | Path = "build") -> Run:
         """Return a case as a run, with all signals: as the study has stored it, else run again, to the same bits."""
-        folder = stored_cases(self.folder).get(int(number))
+        number = plain(number)
+        if not isinstance(number, int):
+            raise TwinError(f"case: {number!r} is not the number of a case. Give one of `study.cases.case`, such as 1.")
+        folder = stored_cases(self.folder).get(number)
         if folder is None:  # for type checkers `repeat` is also a module
-            folder = repeat(self.folder, int(number), root=Path(out), build=Path(build)).folder  # type: ignore[operator]
+            folder = repeat(self.folder, number, root=Path(out), build=Path(build)).folder  # type: ignore[operator]
         return Run(folder)
 
     def __repr__(self) -> str:

@@ -362,6 +362,11 @@ def keep_runs(outcome: StudyOutcome, build: Path, stop: Stop) -> None:
         outcome.runs[number] = str(again.folder.relative_to(outcome.folder))
 
 
+def is_complete(study: Study, folder: Path) -> bool:
+    """Whether a run of a study is complete; ScenarioError if what it is made from has changed since."""
+    return bool(manifest.refuse_changed(folder, manifest.inputs(study))["status"] == "completed")
+
+
 def latest(root: Path, name: str) -> Path:
     """The newest folder of a study. ScenarioError if there is none."""
     folders = manifest.study_folders(root / name, manifest.NAME)
