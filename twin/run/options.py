@@ -37,13 +37,13 @@ class StudyCase:
     def summary(self, run_folder: Path, overrides: Sequence[str]) -> dict[str, Any]:
         """Return what summary.json has of it: other overrides, and the way from the run's page to that of the study."""
         page = self.folder / "report.html"
-        is_beside = self.folder.resolve() in run_folder.resolve().parents or page.is_file()
+        is_reachable = self.folder.resolve() in run_folder.resolve().parents or page.is_file()
         return {
             "title": self.study,
             "case": self.number,
             "factors": self.factors,
             "overrides": [option for option in overrides if option not in self.options],
-            "page": Path(os.path.relpath(page, run_folder)).as_posix() if is_beside else "",
+            "page": Path(os.path.relpath(page, run_folder)).as_posix() if is_reachable else "",
         }
 
 
