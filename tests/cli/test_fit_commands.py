@@ -176,6 +176,7 @@ def studied(calls, monkeypatch):
             monkeypatch,
             "twin.study",
             load_study=lambda file: Study(file.stem, "Title"),
+            is_complete=lambda *_: status == "complete before",
             latest=lambda runs, name: f"latest {name} in {runs}",
             run_study=calls("study", outcome),
             Answers=lambda _: SimpleNamespace(failed=failed),
@@ -215,6 +216,12 @@ def studied(calls, monkeypatch):
 )
 def test_how_a_study_ends(studied, status, cases, failed, result):
     assert studied(status, cases, failed) == result
+
+
+def test_a_complete_study_is_not_run_again(studied, calls):
+    lines = ["Title: already complete, nothing run. Results: latest a in runs"]
+    assert studied("complete before", 3, 0, "--resume") == (0, lines, [])
+    assert not calls
 
 
 def test_options_of_a_study(studied, calls):

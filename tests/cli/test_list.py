@@ -241,6 +241,15 @@ def test_a_study_by_its_name_anywhere(run, tmp_path):
     )
 
 
+def test_a_scenario_is_no_study(run, tmp_path):
+    assert run("study", "heart_wall_force")[0] == "'heart_wall_force' is a scenario: twin run heart_wall_force"
+    assert run("run", "thousand_patients")[0] == "'thousand_patients' is a study: twin study thousand_patients"
+    (tmp_path / "mine.yaml").write_text("members: {}\n")
+    assert run("study", "mine.yaml")[0] == "mine.yaml: is a scenario: twin run mine.yaml"
+    hint = "There is no scenario 'mine'. Name the file that is here: mine.yaml"
+    assert run("check", "mine")[1] == [hint, "1 problem"]
+
+
 def test_own_files_count_first(run, tmp_path):
     (tmp_path / "scenarios").mkdir()
     own = tmp_path / "scenarios" / "racs.yaml"

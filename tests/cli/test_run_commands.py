@@ -43,7 +43,8 @@ def executed(calls, monkeypatch):
         options=("a=1",),
         variant="PI",
         seed=7,
-        with_events=lambda scenario: scenario,
+        applied_to=lambda scenario: scenario,
+        about=None,
         compared=lambda outcome: f"{outcome} as before",
     )
     replace(monkeypatch, "twin.study", resolve_case=lambda text, runs: (text, runs), single=lambda *_: single)

@@ -160,7 +160,7 @@ def study_outcome():
                 metric="force",
                 variant="PI",
                 quantiles=[SimpleNamespace(value=1.0), SimpleNamespace(value=2.0)],
-                most=[17],
+                worst=17,
             )
         ],
         shares=[SimpleNamespace(name="safe", variant="PI", part=0.85)],
@@ -198,11 +198,12 @@ def test_results_of_a_study(capsys, monkeypatch):
     second = rows(capsys.readouterr().out)
     assert first == [
         ["Study"],
-        ["metric", "variant", "50%", "95%", "largest in case"],
+        ["metric", "variant", "50%", "95%", "worst case"],
         ["force", "PI", "force 1", "force 2", "17"],
         ["requirement", "variant", "pass rate", "95% confidence"],
         ["safe", "PI", "85%", "80 to 90 %"],
         ["fails: safe (PI): 2 cases, rate high, noise low, such as case 5"],
+        ["fails: fast (PI): 1 case, such as case 9"],
         ["A sentence."],
     ]
     assert second == [

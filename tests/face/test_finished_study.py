@@ -1,5 +1,7 @@
 """A finished study, opened from Python."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -50,6 +52,8 @@ def test_its_answers(study):
     assert table.loc["plain", "deviation"] == pytest.approx(own.std())
     assert table.loc["plain", "50 %"] == pytest.approx(own.median())
     assert table.loc["plain", "worst case"] == study.cases.loc[own.idxmax(), "case"]
+    margin = next(name for name in study.cases if name.startswith("margin: "))
+    assert study.cases[margin].notna().any()
     rates = study.expectations.set_index("variant")
     assert (rates.loc["plain", "met"], rates.loc["plain", "pass rate"]) == (3, 1.0)
     assert study.answers["cases"] == 6
@@ -64,6 +68,18 @@ def test_a_case_is_opened_or_run_again(study, place, build):
         row = study.cases[study.cases.case == number].iloc[0]
         assert run.metrics.value.tolist() == pytest.approx([row.reached])
         assert run.variants == (row.variant,)
+
+
+def test_the_page_of_a_case_says_which_case_it_is(study):
+    """With its factors in words, and a link to the study; not with the options that set them."""
+    (number, run) = next(iter(study.manifest["runs"].items()))
+    page = study.folder / run / "report.html"
+    text, row = page.read_text(), study.cases.set_index("case").loc[int(number)]
+    assert f"<h1>Case {number} of Gains, {row.variant}</h1>" in text
+    assert re.search(r"part\.mass <b>1\.\d+ kg</b>, push <b>x \d\.\d+</b></p>", text)
+    assert "<p><code>--set" not in text
+    link = re.search(r'<a href="([^"]+)">All cases of Gains</a>', text)[1]
+    assert (page.parent / link).resolve() == (study.folder / "report.html").resolve()
 
 
 def test_a_study_is_run_from_python(place, build, monkeypatch):
@@ -94,11 +110,13 @@ def test_a_study_is_run_from_python(place, build, monkeypatch):
             twin.study(place / wrong)
 
 
-def test_what_is_not_there(study, place, monkeypatch):
+def test_what_is_not_there(study, place, build, monkeypatch):
     for call, text in (
         (lambda: study.worst_case("reachd"), "Did you mean 'reached'?"),
         (lambda: study.worst_case("reached", "plan"), "Did you mean 'plain'?"),
         (lambda: study.case(9), "has no case 9. The study has cases 1 to 6."),
+        (lambda: study.case("x"), "'x' is not the number of a case."),
+        (lambda: study.case(1, out=place / "seven", build=build).plot("Places", seeds=7), "seeds 1"),
         (lambda: twin.open_study("gain"), "Did you mean 'gains'?"),
         (lambda: twin.open_study(study.folder.parent), "is a folder of studies. Name one of them"),
     ):

@@ -251,6 +251,15 @@ def test_progress_of_a_run():
     assert closed == ["t"]
 
 
+def test_progress_without_ipywidgets_is_a_line_of_text(monkeypatch, capsys):
+    """rich warned at each update, and showed no bar."""
+    monkeypatch.setattr(progress, "in_notebook", lambda: True)
+    monkeypatch.setattr(progress, "find_spec", lambda name: None)
+    with progress.progress_callback(True, "t") as line:
+        line("base", 0.5)
+    assert capsys.readouterr() == ("\rt  0 %\rbase  50 %\r          \r", "")
+
+
 def test_cases_as_one_array():
     """A case or a sample that is missing is not a number; without any, the type stays."""
     variable = RecordedVariable("a.n", dtype=np.dtype(np.int64), shape=(2,), unit="N", description="about")

@@ -133,7 +133,9 @@ def test_cases_of_a_plot(run, drawn, chosen, cases):
 
 
 def test_what_cannot_be_plotted(run, drawn, monkeypatch):
-    with pytest.raises(TwinError, match=r"run: nothing was run with these variants and seeds\. Known: PI, PI\+FF\."):
+    with pytest.raises(
+        TwinError, match=r"run: nothing was run with these variants and seeds\. There are variants PI, PI\+FF; seeds "
+    ):
         run.plot("Place", variants="PID")
     with pytest.raises(UnknownNameError, match=r"'Plac' was not recorded.*Did you mean 'Place'\?"):
         run.plot("Plac")

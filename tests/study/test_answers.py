@@ -16,9 +16,9 @@ from scipy import stats
 from tests.every_case import every_case
 from tests.study.patients import SCENARIO, STUDY, study_file
 from twin.cli import group
-from twin.cli.check import check_file
+from twin.cli.check import check_file, notes
 from twin.results import Expectation
-from twin.study import Answers, headline, load_study, percent
+from twin.study import Answers, headline, load_study, percent, unreached_windows
 from twin.study.answers import plots, sensitivity, tables
 from twin.study.answers.page import linked
 from twin.study.answers.paired import mean_interval
@@ -223,6 +223,36 @@ def test_the_headline_names_one_change_and_what_did_not_finish(tmp_path):
     assert texts[-1] == "1 case did not finish."
 
 
+def test_a_flag_at_its_limit_in_every_case_is_not_the_closest(tmp_path):
+    """The margin counts as a part of the width of the limits; one that never varies counts nothing."""
+    limits = (
+        "  - {name: flag, signal: heart.position, at_most: 0 mm}\n"
+        "  - {name: range, signal: sensor.measured_force, at_least: 0.1 N, at_most: 0.4 N}\n"
+    )
+    study = load_study(study_file(tmp_path, STUDY.replace("\nkeep:", "\nvariants: [plain]\nkeep:"), SCENARIO + limits))
+    requests = list(study.requests())
+    rows = [
+        Row(
+            request.number,
+            "done",
+            "",
+            (0.01, 0.01),
+            (True, None, True, True),
+            extremes=(None, None, (0.0, 0.0), (0.2, high)),
+        )
+        for request, high in zip(requests, (0.3, 0.31, 0.39, 0.3, 0.2, 0.3), strict=True)
+    ]
+    cases = CaseTable(study, requests, rows)
+    first = headline(Answers(cases))[0]
+    assert first.text.endswith(
+        "closest to its limit: case 3, where sensor.measured_force is 0.39 N, expected at most 0.4 N."
+    )
+    assert cases.margins(3) == pytest.approx([0.1, 0.09, 0.01, 0.1, 0.1, 0.1])
+    still = [replace(row, extremes=rows[0].extremes) for row in rows]
+    sentence = headline(Answers(CaseTable(study, requests, still)))[0]
+    assert (sentence.text, sentence.case) == ("All 3 requirements hold in each of 6 cases.", None)
+
+
 def test_the_worst_case_of_a_limit_on_a_signal_is_named(tmp_path):
     """By the samples that the case stored, whatever the order of the cases is."""
     limit = "  - {name: never more, signal: sensor.measured_force, at_most: 80 mN}\n"
@@ -238,6 +268,15 @@ def test_the_worst_case_of_a_limit_on_a_signal_is_named(tmp_path):
     assert first.case == requests[2].number
     assert first.text.endswith("is case 3, where sensor.measured_force is 95 mN, expected at most 80 mN.")
     assert noteworthy(cases, SimpleNamespace(failed=1, worst=0)) == [3]
+
+
+def test_windows_that_cases_do_not_reach_are_noted_before_a_run(tmp_path):
+    path = study_file(
+        tmp_path, STUDY.replace("\nkeep:", "\nset: {stop_time: 0.7 s}\nkeep:"), SCENARIO.replace("from: 1 s", "to: 1 s")
+    )
+    (note,) = unreached_windows(load_study(path))
+    assert note == "Motion has no value: the cases end at 700 ms, before the end of the window, 1 s."
+    assert notes(str(path)) == [note]
 
 
 def test_a_part_is_never_rounded_to_all_of_it():

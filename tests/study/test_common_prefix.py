@@ -262,7 +262,7 @@ def test_a_study_in_processes_gives_what_runs_of_its_cases_give(tmp_path, build)
         case = single(*resolve_case(f"{folder}:{number}", tmp_path))
         assert list(case.events) == [150 * MS, 200 * MS]
         options = RunOptions(variants=[case.variant], seeds=[case.seed], root=tmp_path, build=build, report=False)
-        ran = run_scenario(case.with_events(load_scenario(case.file, case.options)), options)
+        ran = run_scenario(case.applied_to(load_scenario(case.file, case.options)), options)
         assert case.different(ran) == []
         again = load_scenario(ran.folder / "scenario.yaml")  # the run's own file has the events
         assert case.different(run_scenario(again, options)) == []

@@ -285,6 +285,10 @@ def test_a_grid_is_limited(tmp_path):
         ({"keep:": "metrics: [force]\nkeep:"}, "there is no metric `force`"),
         ({"keep:": "correlated: [{factors: [heart.rate, x], coefficient: 0.5}]\nkeep:"}, "nothing called `x` varies"),
         ({"samples:": "sample:"}, "unknown key `sample`"),
+        (
+            {"samples:": "seeds: [1]\nsamples:"},
+            "unknown key `seeds`. It belongs to `samples`: `samples: {seeds: ...}`.",
+        ),
         ({"keep:": "worst: {metric: none}\nkeep:"}, "there is no metric `none`"),
         ({"keep:": "worst: {metric: motion, variant: hard}\nkeep:"}, "worst.variant: there is no variant `hard`"),
         ({"uniform: [0.5, 1.5]": "values: [1, 2]", "keep:": "worst: {metric: motion}\nkeep:"}, "cannot be searched"),

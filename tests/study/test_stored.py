@@ -34,6 +34,8 @@ def test_a_single_row_of_the_table(tmp_path):
     assert (row["case"], row["part"], row["sample"], row["variant"]) == (2, "sample", 1, "soft")
     assert row["heart.rate"] == requests[1].values[0]
     assert (row["force_max"], row["motion"], row["holds: gentle"]) == (0.5, None, True)
+    assert row["margin: gentle"] == pytest.approx(0.09 - 0.5)  # SI; negative: violated
+    assert "margin: softer is gentler" not in row
     assert (row["holds: softer is gentler"], row["status"], row["tries"], row["seconds"]) == (None, "done", 1, 0.1)
     with pytest.raises(ScenarioError, match=r"has no case 4\. The study has cases 1 to 3\."):
         case_table.single(tmp_path, 4)

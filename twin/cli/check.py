@@ -168,9 +168,14 @@ def check_stability(file: str, overrides: tuple[str, ...]) -> list[str]:
 
 
 def notes(file: str) -> list[str]:
-    """Return what an SSP leaves open and what is not read of it; nothing for other files."""
+    """Return what an SSP leaves open and what is not read of it, and what a study is too short for."""
     from twin.scenario import ssp_reader
 
+    if is_study(file):
+        from twin.study import load_study, unreached_windows
+
+        with suppress(ScenarioError):
+            return unreached_windows(load_study(file))
     if not ssp_reader.is_package(Path(file)):
         return []
     with suppress(ScenarioError):

@@ -217,6 +217,7 @@ def execute(options: RunArguments, hardware: HardwareOptions, link: SupervisorCh
         refine_steps=options.step_refinement,
         log_patterns=options.log_members,
         checkpoint_ns=options.checkpoint,
+        study_case=study_case.about if study_case is not None else None,
     )
     callbacks = RunCallbacks(progress=display.update, on_log_line=display.show_line)
     if options.publish:
@@ -234,7 +235,7 @@ def execute(options: RunArguments, hardware: HardwareOptions, link: SupervisorCh
     else:
         recover_interrupted(options.runs)
         scenario = read(options.file, options.overrides, options.build)
-        scenario = study_case.with_events(scenario) if study_case is not None else scenario
+        scenario = study_case.applied_to(scenario) if study_case is not None else scenario
         drives = hardware.load(options.build)
         display.title = scenario.title
         with display:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from twin.study import Answers, Study, StudyOutcome, StudyProgress, TimeEstimate
 
 LINE_INTERVAL = 10.0  # between two progress lines without a bar [s]
-LARGEST = "largest in case"  # title of a column
+WORST = "worst case"  # title of a column
 MAX_FAILURES = 8  # groups of failed cases that are listed
 
 
@@ -79,17 +79,22 @@ def command(
     twin study thousand_patients
     twin run --case thousand_patients:713     repeat one case, with all signals
     """
-    from twin.study import Answers, latest, load_study, run_study
+    from twin.study import Answers, is_complete, latest, load_study, run_study
 
     study = load_study(file)
     if check_only:
-        from twin.study import estimate_time
+        from twin.study import estimate_time, unreached_windows
 
         with show_elapsed("running three cases of each variant"):
             estimate = estimate_time(study, build=build, workers=workers)
         show_estimate(study, estimate)
+        for note in unreached_windows(study):
+            say(f"note: {note}")
         sys.exit(1 if estimate.failures else 0)
     folder = latest(runs, study.name) if resume else None
+    if folder is not None and is_complete(study, folder):
+        say(f"{study.title}: already complete, nothing run. Results: {folder}")
+        return
     line = shlex.join(["twin", *sys.argv[1:]])
     with StudyDisplay(study.title) as display:
         outcome = run_study(
@@ -184,15 +189,16 @@ def show(outcome: StudyOutcome, answers: Answers) -> int | None:
         show_pass_rates(outcome, answers)
     sentences = headline(answers, outcome.worst, outcome.tuned)
     named = {sentence.case for sentence in sentences}
-    for cluster in answers.clusters[:MAX_FAILURES]:
-        if not named.isdisjoint(cluster.cases) and not cluster.factors:
-            continue  # a sentence says the same
+    is_said = all(not named.isdisjoint(cluster.cases) and not cluster.factors for cluster in answers.clusters)
+    for cluster in () if is_said else answers.clusters[:MAX_FAILURES]:  # all groups: else their counts and rates differ
         factors = ", ".join(f"{mark.factor} {mark.side}" for mark in cluster.factors)
         number = len(cluster.cases)
         console.print(
             f"fails: {cluster.what} ({cluster.variant}): {number} case{'s' * (number > 1)}{f', {factors}' if factors else ''}, "
             f"such as case {cluster.cases[0]}"
         )
+    if len(answers.clusters) > MAX_FAILURES:
+        console.print(f"fails: {len(answers.clusters) - MAX_FAILURES} more groups, in the report")
     for sentence in sentences:
         show_text(sentence.text.replace(" %", "\N{NO-BREAK SPACE}%"))
     return next((sentence.case for sentence in sentences if sentence.case is not None), None)
@@ -230,10 +236,10 @@ def show_distributions(outcome: StudyOutcome, answers: Answers, console: Console
     rows = []
     for spread in answers.spreads:
         values = [answers.metric(spread.metric, quantile.value) for quantile in spread.quantiles]
-        numbers = {**dict(zip(quantiles, values, strict=True)), LARGEST: str(spread.most[0])}
+        numbers = {**dict(zip(quantiles, values, strict=True)), WORST: str(spread.worst)}
         rows.append({"metric": spread.metric, "variant": spread.variant, "paper": "-", "verdict": "info", **numbers})
     table = MetricTable(rows)
-    table.titles = {title: title for title in (*quantiles, LARGEST)}
+    table.titles = {title: title for title in (*quantiles, WORST)}
     console.print(table)
 
 

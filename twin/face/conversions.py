@@ -133,5 +133,6 @@ def check_file(path: Any, what: str, kinds: tuple[str, ...], error: type[TwinErr
             raise error(f"{path}: cannot be read: there is no folder {file.parent.resolve()}.")
         names = [other.name for other in file.parent.iterdir() if other.suffix.lower() in kinds]
         raise error(
-            f"{path}: cannot be read: is not there. Looked in {file.parent.resolve()}. {nearest(file.name, names)}"
+            f"{path}: cannot be read: is not there. Looked in {file.parent.resolve()}. "
+            + (nearest(file.name, names) if names else f"That folder has no {kinds[0]} file.")
         )

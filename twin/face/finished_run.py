@@ -310,7 +310,7 @@ class Run:
         }
         if not chosen:
             remedy = (
-                f"Known: {', '.join(quote_names(self.variants))}."
+                f"There are variants {', '.join(quote_names(self.variants))}; seeds {', '.join(map(str, self.seeds))}."
                 if self.variants
                 else f"The run failed: {self.reason}"
             )

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
 from twin.face import notebook
-from twin.face.conversions import check_file, choice, python_option_names
+from twin.face.conversions import check_file, choice, plain, python_option_names
 from twin.face.finished_run import Run
 from twin.face.progress import progress_callback
 from twin.installed import import_optional
 from twin.results import display_units, find_results, readable_recording, si_conversion
-from twin.study import latest, load_study, percent, progress_text, repeat, run_study, stored_cases
+from twin.study import is_complete, latest, load_study, percent, progress_text, repeat, run_study, stored_cases
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from twin.face.progress import Progress
 
 CASES = "cases.parquet"
+MARGIN = "margin: "  # before the name of a requirement
 SHOWN = "SI, shown in "  # before the unit of a metric in cases.parquet
 
 
@@ -45,6 +46,8 @@ def study(
     check_file(file, "study", (".yaml", ".yml"), ScenarioError)
     checked = load_study(file)
     folder = latest(Path(out), checked.name) if resume else None
+    if folder is not None and is_complete(checked, folder):
+        return StudyResult(folder)
     with python_option_names(), progress_callback(progress, checked.title) as report_progress:
         outcome = run_study(
             checked,
@@ -114,7 +117,10 @@ class StudyResult:
 
     @cached_property
     def cases(self) -> pd.DataFrame:
-        """A row for each case: factors, metrics in the units of the report, `holds: EXPECTATION`, status; units in `.attrs["units"]`."""
+        """A row for each case: factors, metrics in the units of the report, `holds: EXPECTATION`, status; units in `.attrs["units"]`.
+
+        `margin: EXPECTATION`: distance to its nearest limit; negative if violated.
+        """
         import_optional("pandas", "python", "a DataFrame")
         from pyarrow import parquet
 
@@ -123,10 +129,12 @@ class StudyResult:
         frame: pd.DataFrame = table.to_pandas()
         units = {field.name: ((field.metadata or {}).get(b"unit") or b"").decode() for field in table.schema}
         shown = {name: unit.removeprefix(SHOWN) for name, unit in units.items() if unit.startswith(SHOWN)}
-        for name, unit in display_units(shown).items():
+        margins = {name: unit for name, unit in shown.items() if name.startswith(MARGIN)}
+        metrics = display_units({name: unit for name, unit in shown.items() if name not in margins})
+        for name, unit in {**metrics, **margins}.items():
             units[name] = unit
             factor, offset = si_conversion(unit)
-            frame[name] = (frame[name].astype(float) - offset) / factor
+            frame[name] = (frame[name].astype(float) - (0.0 if name in margins else offset)) / factor
         frame.attrs["units"] = units
         return frame
 
@@ -147,7 +155,7 @@ class StudyResult:
             row = {key: (value - offset) / factor if isinstance(value, float) else value for key, value in row.items()}
             deviation = spread["deviation"]
             row["deviation"] = None if deviation is None else deviation / factor
-            row["worst case"] = self.worst_case(spread["metric"], spread["variant"])
+            row["worst case"] = max(spread["least"], spread["most"], key=lambda end: abs(end[1]))[0]
             rows.append(row)
         return import_optional("pandas", "python", "a DataFrame").DataFrame(rows)
 
@@ -160,11 +168,11 @@ class StudyResult:
         return import_optional("pandas", "python", "a DataFrame").DataFrame(rows, columns=list(names.values()))
 
     def worst_case(self, metric: str, variant: str | None = None) -> int:
-        """Return the number of the case with the largest magnitude of a metric, of a variant or of all."""
+        """Return the number of the case with the largest magnitude of a metric, of the samples of a variant or of all."""
         metrics = [name for name in self.cases if name in {spread["metric"] for spread in self.answers["metrics"]}]
         if metric not in metrics:
             raise UnknownNameError(f"{self.folder}: has no metric {metric!r}. {nearest(metric, metrics)}")
-        cases = self.cases
+        cases = self.cases[self.cases.part == "sample"]
         if variant is not None:
             cases = cases[cases.variant == choice(variant, list(cases.variant.unique()), "variant")]
         values = cases[metric].abs()
@@ -174,9 +182,12 @@ class StudyResult:
 
     def case(self, number: int, *, out: str | Path = "runs", build: str | Path = "build") -> Run:
         """Return a case as a run, with all signals: as the study has stored it, else run again, to the same bits."""
-        folder = stored_cases(self.folder).get(int(number))
+        number = plain(number)
+        if not isinstance(number, int):
+            raise TwinError(f"case: {number!r} is not the number of a case. Give one of `study.cases.case`, such as 1.")
+        folder = stored_cases(self.folder).get(number)
         if folder is None:  # for type checkers `repeat` is also a module
-            folder = repeat(self.folder, int(number), root=Path(out), build=Path(build)).folder  # type: ignore[operator]
+            folder = repeat(self.folder, number, root=Path(out), build=Path(build)).folder  # type: ignore[operator]
         return Run(folder)
 
     def __repr__(self) -> str:

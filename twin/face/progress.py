@@ -1,9 +1,10 @@
-"""Progress of a run: none, a callback, or a bar."""
+"""Progress of a run: none, a callback, a bar, or a line of text in a notebook without ipywidgets."""
 
 from __future__ import annotations
 
 import sys
 from contextlib import contextmanager
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from twin.run import noop
@@ -37,6 +38,28 @@ class Bar:
         self._bar.stop()
 
 
+class TextLine:
+    """A line of text on stdout that each progress overwrites, for notebooks that cannot show the bar; empty at the end."""
+
+    def __init__(self, title: str) -> None:
+        self._width = 0
+        self(title, 0.0)
+
+    def __call__(self, case: str, part: float) -> None:
+        """Show the progress of a case."""
+        self._write(f"{case}  {100 * part:.0f} %")
+
+    def _write(self, text: str) -> None:
+        sys.stdout.write(f"\r{text.ljust(self._width)}")
+        sys.stdout.flush()
+        self._width = len(text)
+
+    def close(self) -> None:
+        """Clear the line."""
+        self._write("")
+        sys.stdout.write("\r")
+
+
 def in_notebook() -> bool:
     """Return whether this process is a notebook kernel."""
     return "ipykernel" in sys.modules
@@ -48,7 +71,8 @@ def progress_callback(progress: Progress, title: str) -> Iterator[ProgressCallba
     if callable(progress):
         yield progress
         return
-    bar = Bar(title) if progress else None
+    is_text = in_notebook() and find_spec("ipywidgets") is None  # rich would warn at each update, and show nothing
+    bar = (TextLine if is_text else Bar)(title) if progress else None
     try:
         yield bar or noop
     finally:

@@ -19,6 +19,7 @@ from .event_table import event_rows as event_rows
 from .executor import run_scenario as run_scenario
 from .options import RunCallbacks as RunCallbacks
 from .options import RunOptions as RunOptions
+from .options import StudyCase as StudyCase
 from .parameter_table import parameter_rows as parameter_rows
 from .recorded_views import RecordedSignal as RecordedSignal
 from .recorded_views import RecordedSystem as RecordedSystem

@@ -22,6 +22,7 @@ from twin.scenario import Backend, members
 
 if TYPE_CHECKING:
     from twin.coupling import Catalog, Member, Recorder
+    from twin.run.options import StudyCase
     from twin.run.step_refinement import StepRefinement
     from twin.scenario import Case, EventSpec, ScenarioSpec
 
@@ -129,6 +130,7 @@ class RunResult:
     columns: list[results.RecordedVariable] = field(default_factory=list)  # of all variants
     refinements: list[StepRefinement] = field(default_factory=list)  # at half the step, if requested
     structures: dict[tuple[str, str], list[str]] = field(default_factory=dict)  # (SVG, remarks) -> variants
+    study_case: StudyCase | None = None
 
     @property
     def passed(self) -> bool:

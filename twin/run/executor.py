@@ -80,6 +80,7 @@ def run_scenario(
     refuse_unknown_members(options.log_patterns, cases)
     refuse_interval(options.checkpoint_ns, cases)
     result = create_result(scenario, catalogs, options.root)
+    result.study_case = options.study_case
     channel, journal = channel or SupervisorChannel(), Journal(result.folder)
     try:
         journal.create(recording_header(result, cases, options.report), channel.owners)

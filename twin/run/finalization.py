@@ -81,6 +81,8 @@ def write_summary_and_report(
     """Write summary.json and report.html."""
     result.summary = results.build_summary(result.run, result.evaluation, result.tables, result.terminations)
     result.summary["sentence"] = fill_sentence(result.scenario.summary, result.evaluation.metric_results)
+    if result.study_case is not None:
+        result.summary["study"] = result.study_case.summary(result.folder, result.run.overrides)
     results.write_summary(result.folder / "summary.json", result.summary)
     if with_report:
         from twin.run import report_page, scenes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,13 +21,39 @@ if TYPE_CHECKING:
 FORMER_CALLBACKS = {"progress": "progress", "on_log_line": "on_log_line", "case_runner": "run_case"}
 
 
+@dataclass(frozen=True)
+class StudyCase:
+    """The case of a study that a run is. `factors`: their values as text; `options`: the overrides that set them.
+
+    `folder`: of the study.
+    """
+
+    study: str
+    number: int
+    factors: dict[str, str]
+    options: Sequence[str]
+    folder: Path
+
+    def summary(self, run_folder: Path, overrides: Sequence[str]) -> dict[str, Any]:
+        """Return what summary.json has of it: other overrides, and the way from the run's page to that of the study."""
+        page = self.folder / "report.html"
+        is_reachable = self.folder.resolve() in run_folder.resolve().parents or page.is_file()
+        return {
+            "title": self.study,
+            "case": self.number,
+            "factors": self.factors,
+            "overrides": [option for option in overrides if option not in self.options],
+            "page": Path(os.path.relpath(page, run_folder)).as_posix() if is_reachable else "",
+        }
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RunOptions:
     """Options of a run: what is run, how members are executed, and where results are written.
 
     `variants`, `seeds`: those to run; empty: all. `refine_steps`: also run the first seed of each variant at half the step,
     and report the changes. `log_patterns`: members, or patterns of their names, whose FMU log goes to log.txt.
-    `checkpoint_ns`: simulated time between two checkpoints, 0: none. `origin`: the run that is continued.
+    `checkpoint_ns`: simulated time between two checkpoints, 0: none. `origin`: the run that is continued. `study_case`: the case of a study that is run.
     """
 
     backend: Backend = Backend.fmu
@@ -39,6 +66,7 @@ class RunOptions:
     log_patterns: Sequence[str] = ()
     checkpoint_ns: clock.Time = 0
     origin: Origin | None = None
+    study_case: StudyCase | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -116,6 +116,11 @@ def located(name_or_path: str | Path, kind: str = "scenario") -> Path:
     if path.name not in named_paths and path.exists():  # a folder or a special file: reading it raises the error
         return path
     if path.name not in named_paths:
+        other, command = ("study", "twin study") if kind == "scenario" else ("scenario", "twin run")
+        if path.name in scenarios(other):
+            raise ScenarioError(f"{path.name!r} is a {other}: {command} {path.name}")
+        if (file := path.with_suffix(".yaml")).is_file():
+            raise ScenarioError(f"There is no {kind} {path.name!r}. Name the file that is here: {file}")
         raise ScenarioError(
             f"There is no {kind} {path.name!r}, and no file of this name. {nearest(path.name, named_paths)}"
         )

@@ -2,6 +2,7 @@ from .answers import Answers as Answers
 from .answers import headline as headline
 from .answers import open_command as open_command
 from .answers import percent as percent
+from .answers import unreached_windows as unreached_windows
 from .design import Study as Study
 from .design import load_study as load_study
 from .execution import StudyOutcome as StudyOutcome
@@ -9,6 +10,7 @@ from .execution import StudyProgress as StudyProgress
 from .execution import TimeEstimate as TimeEstimate
 from .execution import duration_text as duration_text
 from .execution import estimate_time as estimate_time
+from .execution import is_complete as is_complete
 from .execution import latest as latest
 from .execution import progress_text as progress_text
 from .execution import repeat as repeat

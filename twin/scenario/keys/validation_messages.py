@@ -111,7 +111,9 @@ def line(root: Node, error: Any, model: Any = ScenarioKeys) -> str:
     kind, value = error["type"], error["input"]
     if kind == "extra_forbidden":
         prefix = f"{dotted(path[:-1])}: " if path[:-1] else ""
-        return f"{location}: {prefix}unknown key `{path[-1]}`.{nearest(str(path[-1]), keys_at(path[:-1], model))}"
+        groups = groups_with(str(path[-1]), model) if len(path) == 1 else []
+        remedy = f" It belongs to `{groups[0]}`: `{groups[0]}: {{{path[-1]}: ...}}`." if len(groups) == 1 else ""
+        return f"{location}: {prefix}unknown key `{path[-1]}`.{remedy or nearest(str(path[-1]), keys_at(path[:-1], model))}"
     if kind == "missing":
         example = EXAMPLES.get(str(path[-1]), f"{path[-1]}: ...")
         return f"{location}: {dotted(path[:-1])}: `{path[-1]}` is missing. Add it, such as `{example}`."
@@ -159,6 +161,17 @@ def keys_at(path: Path, model: Any = ScenarioKeys) -> list[str]:
         fields = {field.alias or name: field.annotation for name, field in model.model_fields.items()}
         model = inner(fields.get(str(step))) or model  # a name or a number in between: the group is the same
     return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def groups_with(key: str, model: Any) -> list[str]:
+    """Return the groups of keys at the top of a file that may have a key."""
+    return [
+        field.alias or name
+        for name, field in model.model_fields.items()
+        if isinstance(field.annotation, type)
+        and issubclass(field.annotation, BaseModel)
+        and key in keys_at((), field.annotation)
+    ]
 
 
 def inner(annotation: Any) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import stats
 
 from twin.study.answers.sensitivity import distance_from_median
-from twin.study.answers.statistics import largest_p_value, limit_excess
+from twin.study.answers.statistics import largest_p_value
 from twin.study.design import SAMPLED
 from twin.study.execution.case_engine import DONE
 
@@ -91,7 +91,7 @@ def clusters(cases: CaseTable) -> list[FailureCluster]:
 
 def worst_excess(cases: CaseTable, i: int) -> float:
     """Return by how much a failed case is beyond the limit that it misses most, as a part of the limit; 0 without one."""
-    missed = (limit_excess(cases, i, k) for k, holds in enumerate(cases.holds[i]) if holds is False)
+    missed = (cases.limit_excess(i, k) for k, holds in enumerate(cases.holds[i]) if holds is False)
     return max((entry.excess for entry in missed if entry), default=0.0)
 
 

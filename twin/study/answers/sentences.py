@@ -8,14 +8,23 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from twin.results import common_format, list_names
 from twin.study.answers.paired import INDEPENDENT_SAMPLES, MIN_SAMPLES
-from twin.study.answers.statistics import FAMILY_LEVEL, expectation_name, largest_p_value, worst_of_rate
+from twin.study.answers.statistics import (
+    FAMILY_LEVEL,
+    expectation_name,
+    largest_p_value,
+    left_out,
+    varying_rates,
+    worst_of_rate,
+)
 from twin.study.answers.summary import MAX_SENTENCES, percent
+from twin.study.execution.case_table import CaseTable
 
 if TYPE_CHECKING:
     from twin.study.answers.paired import PairedDifference
     from twin.study.answers.sensitivity import Effect, MetricSensitivity
-    from twin.study.answers.statistics import PassRate
+    from twin.study.answers.statistics import LeftOut, PassRate
     from twin.study.answers.summary import Answers
+    from twin.study.design import Study
     from twin.study.design.keys import TuneKeys
     from twin.study.execution.tuning import Tuned
     from twin.study.execution.worst_case_search import WorstCase
@@ -46,7 +55,7 @@ def headline(answers: Answers, worst: WorstCase | None = None, tuned: Tuned | No
     """Return the sentences, the most important first. `worst`, `tuned`: results of searches."""
     topics = {
         "Pass rate": [*pass_sentences(answers), *few_sentences(answers)],
-        "Left out": cut_sentences(answers),
+        "Left out": cut_sentences(answers.left_out),
         "Worst case": [] if worst is None else [worst_sentence(answers, worst)],
         "Tuning": [] if tuned is None else [tuning_sentence(answers, tuned)],
         "Comparison": pair_sentences(answers),
@@ -65,7 +74,8 @@ def pass_sentences(answers: Answers) -> list[Sentence]:
         names = len({rate.name for rate in answers.shares})
         count = max(rate.count for rate in answers.shares)
         requirements = "the requirement holds" if names == 1 else f"all {names} requirements hold"
-        worst = max(filter(None, (worst_case(answers, rate) for rate in answers.shares)), default=None)
+        rates = varying_rates(answers.cases, answers.shares)
+        worst = max(filter(None, (worst_case(answers, rate) for rate in rates)), default=None)
         closest = f"; closest to its limit: case {worst.number}, {worst.text}" if worst else ""
         unit = "samples" if len(answers.study.variants) > 1 else "cases"
         text = f"{requirements.capitalize()} in each of {count} {unit}{closest}."
@@ -90,7 +100,7 @@ def pass_sentences(answers: Answers) -> list[Sentence]:
 
 
 class WorstInLimit(NamedTuple):
-    """The case of a variant nearest to a limit, or farthest beyond it; `excess`: part of the limit."""
+    """The case of a variant nearest to a limit, or farthest beyond it; `excess`: as of LimitExcess."""
 
     excess: float
     number: int
@@ -124,11 +134,16 @@ def few_sentences(answers: Answers) -> list[Sentence]:
     return [Sentence(text)]
 
 
-def cut_sentences(answers: Answers) -> list[Sentence]:
+def unreached_windows(study: Study) -> list[str]:
+    """Return which metrics and expectations the cases of a study are too short for, before it runs."""
+    return [sentence.text for sentence in cut_sentences(left_out(CaseTable(study, [], [])))]
+
+
+def cut_sentences(entries: list[LeftOut]) -> list[Sentence]:
     """Return which metrics have no value and which expectations are not judged, with the reason."""
     phrases = {"metric": ("has no value", "have no value"), "expectation": ("is not judged", "are not judged")}
     names: dict[str, dict[str, list[str]]] = {}
-    for entry in answers.left_out:
+    for entry in entries:
         variants = f" with {list_names(entry.variants)}" if entry.variants else ""
         names.setdefault(entry.why, {}).setdefault(entry.kind, []).append(f"{entry.name}{variants}")
     return [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import stats
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from twin.arrays import Array
     from twin.results import Expectation, Metric
-    from twin.study.execution.case_table import CaseTable
+    from twin.study.execution.case_table import CaseTable, LimitExcess
 
 FAMILY_LEVEL = 0.05  # probability that any of the named causes is none
 
@@ -46,6 +46,11 @@ class MetricDistribution:
     quantiles: tuple[Quantile, ...]
     least: tuple[int, float]
     most: tuple[int, float]
+
+    @property
+    def worst(self) -> int:
+        """Number of the case with the largest magnitude."""
+        return max(self.least, self.most, key=lambda end: abs(end[1]))[0]
 
 
 @dataclass(frozen=True)
@@ -208,40 +213,24 @@ def expectation_name(expectation: Expectation, index: int) -> str:
     return expectation.name or f"{expectation.metric or getattr(expectation.signal, 'text', '')} {index + 1}"
 
 
-class LimitExcess(NamedTuple):
-    """By how much a case is beyond a limit of an expectation, as a part of the limit; below zero: within it."""
-
-    excess: float
-    number: int
-    value: float
-    limit: float
-    word: str
-
-
-def limit_excess(cases: CaseTable, i: int, k: int) -> LimitExcess | None:
-    """Return the value of row i that is farthest beyond a limit of expectation k, or nearest to it; None without either."""
-    expectation, row = cases.study.scenario.expectations[k], cases.rows[i]
-    if expectation.ordered:
-        return None
-    values: Sequence[float] = row.extremes[k] or () if row.extremes else ()
-    if expectation.metric:
-        values = [cases.metric(expectation.metric)[i]]
-    limits = [(expectation.at_most, 1.0, "at most"), (expectation.at_least, -1.0, "at least")]
-    excesses = [
-        LimitExcess(sign * (value - limit) / (abs(limit) or 1.0), cases.requests[i].number, value, limit, word)
-        for value in values
-        for limit, sign, word in limits
-        if limit is not None and np.isfinite(value)
-    ]
-    return max(excesses, default=None)
+def excesses_of_rate(cases: CaseTable, rate: PassRate) -> list[LimitExcess]:
+    """Return by how much each case of a pass rate's variant is beyond a limit of its expectation."""
+    expectations = enumerate(cases.study.scenario.expectations)
+    k = next(k for k, each in expectations if expectation_name(each, k) == rate.name)
+    return list(filter(None, (cases.limit_excess(i, k) for i in cases.where(SAMPLED, rate.variant))))
 
 
 def worst_of_rate(cases: CaseTable, rate: PassRate) -> LimitExcess | None:
     """Return the case of a pass rate's variant that is farthest beyond a limit of its expectation, or nearest to it."""
-    expectations = enumerate(cases.study.scenario.expectations)
-    k = next(k for k, each in expectations if expectation_name(each, k) == rate.name)
-    own = (limit_excess(cases, i, k) for i in cases.where(SAMPLED, rate.variant))
-    return max(filter(None, own), default=None)
+    return max(excesses_of_rate(cases, rate), default=None)
+
+
+def varying_rates(cases: CaseTable, rates: Sequence[PassRate]) -> list[PassRate]:
+    """Return the pass rates whose margin differs between cases: a flag that is at its limit in all of them is close to nothing."""
+    margins: dict[str, set[float]] = {}
+    for rate in rates:
+        margins.setdefault(rate.name, set()).update(entry.margin for entry in excesses_of_rate(cases, rate))
+    return [rate for rate in rates if len(margins[rate.name]) > 1]
 
 
 def in_order(cases: CaseTable, expectation: Expectation) -> tuple[int, tuple[int, ...], int]:

@@ -52,7 +52,11 @@ class StudyLoader(ValueReader):
     def __init__(self, path: Path) -> None:
         self.path = path
         problems: list[str] = []
-        keys, root, key_problems = validate(read(path, str(path), problems), StudyKeysOrNone)
+        content = read(path, str(path), problems)
+        names = content.plain() if isinstance(content.value, dict) else {}
+        if "scenario" not in names and {"members", "extends"} & names.keys():
+            raise ScenarioError(f"{path}: is a scenario: twin run {path}")
+        keys, root, key_problems = validate(content, StudyKeysOrNone)
         super().__init__(root, problems + key_problems)
         if not getattr(keys, "scenario", ""):
             self.add_problem("is missing. Add it, such as `scenario: ../heart_wall_force.yaml`.", "scenario")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -21,8 +21,22 @@ if TYPE_CHECKING:
     from twin.study.execution.journal import StudyJournal
 
 NAME, BANDS = "cases.parquet", "bands.parquet"
-HOLDS = "holds: "
+HOLDS, MARGIN = "holds: ", "margin: "  # before the name of an expectation
 CHUNK = 1000  # rows
+
+
+class LimitExcess(NamedTuple):
+    """By how much a case is beyond a limit of an expectation, as a part of the width of the limits; below zero: within it.
+
+    `margin`: the distance within the limit, SI; below zero: beyond it.
+    """
+
+    excess: float
+    number: int
+    value: float
+    limit: float
+    word: str
+    margin: float
 
 
 @dataclass
@@ -56,6 +70,32 @@ class CaseTable:
         """Verdicts of each case; a case without an end holds nothing."""
         count = len(self.study.scenario.expectations)
         return [row.holds or (False,) * count for row in self.rows]
+
+    def limit_excess(self, i: int, k: int) -> LimitExcess | None:
+        """Return the value of row i that is farthest beyond a limit of expectation k, or nearest to it; None without either."""
+        expectation, row = self.study.scenario.expectations[k], self.rows[i]
+        if expectation.ordered:
+            return None
+        values: Sequence[float] = row.extremes[k] or () if row.extremes else ()
+        if expectation.metric:
+            index = list(self.study.scenario.metrics).index(expectation.metric)
+            values = [value for value in row.metrics[index : index + 1] if value is not None]
+        limits = [(expectation.at_most, 1.0, "at most"), (expectation.at_least, -1.0, "at least")]
+        given = [limit for limit, _, _ in limits if limit is not None]
+        width = (abs(given[0] - given[-1]) if len(given) > 1 else max(map(abs, given), default=0.0)) or 1.0
+        number = self.requests[i].number
+        excesses = [
+            LimitExcess(sign * (value - limit) / width, number, value, limit, word, sign * (limit - value))
+            for value in values
+            for limit, sign, word in limits
+            if limit is not None and np.isfinite(value)
+        ]
+        return max(excesses, default=None)
+
+    def margins(self, k: int) -> list[float | None]:
+        """Return the margin of each case to the limits of expectation k, SI; negative if violated, None if not judged."""
+        excesses = [self.limit_excess(i, k) if row[k] is not None else None for i, row in enumerate(self.holds)]
+        return [None if entry is None else entry.margin for entry in excesses]
 
     def where(self, part: str, variant: str = "") -> list[int]:
         """Return the row indices of the cases of one part of the study and one variant (all variants by default)."""
@@ -106,6 +146,17 @@ def columns(cases: CaseTable) -> list[tuple[str, Any, Any, str]]:
         *(
             (f"{HOLDS}{expectation.name or expectation.metric or i + 1}", [row[i] for row in holds], pa.bool_(), "")
             for i, expectation in enumerate(study.scenario.expectations)
+        ),
+        *(
+            (
+                f"{MARGIN}{each.name or each.metric or k + 1}",
+                values,
+                number,
+                f"SI, shown in {each.unit}" * bool(each.unit),
+            )
+            for k, each in enumerate(study.scenario.expectations)
+            for values in [cases.margins(k)]
+            if any(value is not None for value in values)
         ),
         of(cases.rows, "status", text),
         of(cases.rows, "why", text),

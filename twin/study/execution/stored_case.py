@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from twin import clock
 from twin.errors import ScenarioError
-from twin.run import RunOptions, RunResult, resolve_catalogs, run_scenario
+from twin.run import RunOptions, RunResult, StudyCase, resolve_catalogs, run_scenario
 from twin.scenario import Backend, ScenarioSpec, load_scenario, with_events
 from twin.study.design import Assignment, Distribution, Factor, option
 from twin.study.execution import case_table, manifest
@@ -19,7 +19,10 @@ STUDY_FILES = (".yaml", ".yml")
 
 @dataclass(frozen=True)
 class Single:
-    """A case of a study as a scenario file with options. `events`: time [ns] -> options that take effect then."""
+    """A case of a study as a scenario file with options. `events`: time [ns] -> options that take effect then.
+
+    `factors`: their values as text; `chosen`: the options that set them.
+    """
 
     number: int
     file: Path
@@ -28,12 +31,21 @@ class Single:
     seed: int
     row: dict[str, Any]
     events: dict[clock.Time, list[str]] = field(default_factory=dict)
+    study: str = ""
+    folder: Path = Path()
+    factors: dict[str, str] = field(default_factory=dict)
+    chosen: tuple[str, ...] = ()
 
-    def with_events(self, scenario: ScenarioSpec) -> ScenarioSpec:
-        """Return a scenario with the events of this case."""
+    @property
+    def about(self) -> StudyCase:
+        """What the page of a run tells of this case."""
+        return StudyCase(self.study, self.number, self.factors, self.chosen, self.folder)
+
+    def applied_to(self, scenario: ScenarioSpec) -> ScenarioSpec:
+        """Return a scenario with the title and the events of this case."""
         for time_ns, options in self.events.items():
             scenario = with_events(scenario, time_ns, options, self.variant)
-        return scenario
+        return replace(scenario, title=f"Case {self.number} of {self.study}, {self.variant}")
 
     def different(self, run: RunResult) -> list[str]:
         """Metrics of a run that are not those of the study to the bit, with both values."""
@@ -106,10 +118,23 @@ def single(folder: Path, number: int) -> Single:
     factors = factors_of(study_manifest)
     values = [float("nan") if row[factor.name] is None else float(row[factor.name]) for factor in factors]
     assignment = Assignment(case, resolve_catalogs(frozen)[variant], factors)
+    chosen = tuple(assignment.options(values))
     events: dict[clock.Time, list[str]] = {}
     for event in assignment.events(values):
         events.setdefault(event.time_ns, []).append(option(event.variable, event.value))
-    return Single(number, file, (*made, *assignment.options(values)), variant, int(row["seed"]), row, events)
+    return Single(
+        number,
+        file,
+        (*made, *chosen),
+        variant,
+        int(row["seed"]),
+        row,
+        events,
+        study_manifest["title"],
+        folder,
+        {factor.name: factor.shown(value) for factor, value in zip(factors, values, strict=True)},
+        chosen,
+    )
 
 
 def factors_of(study_manifest: dict[str, Any]) -> list[Factor]:
@@ -122,6 +147,7 @@ def factors_of(study_manifest: dict[str, Any]) -> list[Factor]:
             tuple(entry["scales"]),
             unknown,
             entry["unit"],
+            entry.get("display_unit", ""),
             source=entry["source"],
             at_ns=None if entry.get("at_ns") is None else clock.from_json(entry["at_ns"]),
         )
@@ -133,6 +159,11 @@ def repeat(folder: Path, number: int, *, root: Path = Path("runs"), build: Path 
     """Run a case again, with everything that `twin run` writes."""
     single_case = single(folder, number)
     options = RunOptions(
-        backend=Backend.compiled, variants=[single_case.variant], seeds=[single_case.seed], root=root, build=build
+        backend=Backend.compiled,
+        variants=[single_case.variant],
+        seeds=[single_case.seed],
+        root=root,
+        build=build,
+        study_case=single_case.about,
     )
-    return run_scenario(single_case.with_events(load_scenario(single_case.file, single_case.options)), options)
+    return run_scenario(single_case.applied_to(load_scenario(single_case.file, single_case.options)), options)

@@ -311,7 +311,7 @@ def initial_entries(study: Study, command: str) -> dict[str, Any]:
         "cases": study.count,
         "factors": [
             {
-                **{key: getattr(factor, key) for key in ("name", "sets", "scales", "unit", "source")},
+                **{key: getattr(factor, key) for key in ("name", "sets", "scales", "unit", "display_unit", "source")},
                 "at_ns": None if factor.at_ns is None else clock.to_json(factor.at_ns),
             }
             for factor in study.all_factors
@@ -360,6 +360,11 @@ def keep_runs(outcome: StudyOutcome, build: Path, stop: Stop) -> None:
             shutil.rmtree(again.folder, ignore_errors=True)
             return
         outcome.runs[number] = str(again.folder.relative_to(outcome.folder))
+
+
+def is_complete(study: Study, folder: Path) -> bool:
+    """Whether a run of a study is complete; ScenarioError if what it is made from has changed since."""
+    return bool(manifest.refuse_changed(folder, manifest.inputs(study))["status"] == "completed")
 
 
 def latest(root: Path, name: str) -> Path:
