@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
 
     from twin.console.session import Host, Panel
-    from twin.console.targets import Score
     from twin.console.verdicts import SessionVerdicts
     from twin.live import Catalog, LiveSession
+    from twin.run import Score
 
 STATIC = Path(__file__).parent / "static"
 RATES = {

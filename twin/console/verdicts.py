@@ -6,11 +6,10 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from twin import clock
 from twin.live import OVER, RefusedError
 from twin.results import Signals, evaluate
+from twin.run import warning_result
 from twin.scenario import lint
 
 if TYPE_CHECKING:
@@ -146,12 +145,9 @@ def warning_rows(live: LiveSession) -> list[Row]:
     rows = []
     for warning in catalog.warnings if len(samples.time) else ():
         signal = catalog.signals[warning["signal"].partition("[")[0]]
-        values = np.asarray(samples.values[warning["signal"]], np.float64).reshape(len(samples.time), -1).max(axis=1)
-        duration = catalog.every * int((values > warning["above"]).sum())
-        peak, limit = (signal.factor * value + signal.offset for value in (float(values.max()), warning["above"]))
-        figures = f"at most {peak:.4g} {signal.display_unit}, limit {limit:.4g} {signal.display_unit}"
-        detail = f"for {duration:.1f} s" if duration else "never"
-        rows.append(Row("fail" if duration else "pass", warning["text"], f"{detail}; {figures}" if limit else detail))
+        scale = signal.display_unit, signal.factor, signal.offset
+        result = warning_result(samples.time, samples.values[warning["signal"]], warning, scale)
+        rows.append(Row("fail" if result["duration"] else "pass", warning["text"], result["detail"]))
     return rows
 
 
