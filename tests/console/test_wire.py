@@ -52,7 +52,7 @@ def test_hands_and_eyes(served):
             {"here": True, "tick": 1},
         ):
             watcher.say(**message)
-            assert watcher.refused() == "this page only watches. Another page operates."
+            assert watcher.refused() == "This page only watches: another page operates."
         for message, wrong in (({"here": 1, "tick": 1}, "expected true"), ({"here": True}, "tick: expected a whole")):
             operator.say(**message)
             assert wrong in operator.refused()

@@ -16,7 +16,7 @@ from nicegui import run as nicegui_run
 from nicegui import ui
 
 from twin.console import operator_panel, targets
-from twin.console.verdicts import METRIC, NOT_JUDGED, WAITING, Row, SessionVerdicts, headline, warning_rows
+from twin.console.verdicts import METRIC, NOT_JUDGED, REFERENCE, WAITING, Row, SessionVerdicts, headline, warning_rows
 from twin.errors import TwinError
 from twin.live import OVER
 from twin.run import Score, session_verdict
@@ -112,7 +112,10 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
         shown[0], total.text = (rows, has_ended), headline(rows, has_ended)
         names = [row.name for row in rows if row.verdict == "fail" and not row.is_metric]
         failed.text, failed.visible = f"Not met: {'; '.join(names)}", bool(names)
-        console.latest_metrics = (id(live), live.state.epoch), {row.name: row.detail for row in rows if row.is_metric}
+        console.latest_metrics = (
+            (id(live), live.state.epoch),
+            {row.name: row.detail.partition(REFERENCE)[0] for row in rows if row.is_metric},
+        )
         column.clear()
         with column:
             for row in rows:
@@ -245,10 +248,10 @@ def fill(context: PageContext, kind: str) -> None:
         made = ui.button(text, on_click=press_once).props("dense no-caps outline")
 
     if kind == "reached":
-        button("change and compare", live.reset)
+        button("change and compare", console.reset)
     elif kind == "targets":
         button("end: replay and report", console.stop)
-        button("again", live.reset)
+        button("again", console.reset)
     elif kind:
         if state.folder:
             ui.link("replay and signals in the viewer", "/signals", new_tab=True)
@@ -256,4 +259,6 @@ def fill(context: PageContext, kind: str) -> None:
                 ui.link("report", "/report", new_tab=True)
             ui.label(f"Results: {state.folder}").classes("twin-soft twin-line")
         button("again", console.restart, console.variant)
+        if live.changed_values:
+            button("again with nominal values", console.restart, console.variant, True)
         button("another scenario", console.leave)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from twin.results import Expectation, Expression, Metric, MetricResult
 
 WAITING, NOT_JUDGED, METRIC = "waiting", "not judged", ""
+REFERENCE = "; reference"  # of this variant, behind the value of a metric
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,7 @@ def metric_name(metric: Metric) -> str:
 def metric_row(result: MetricResult, is_final: bool) -> Row:
     """Return the row of a metric; one that is not final may still miss its reference, and is not failed."""
     metric = result.metric
-    reference = "" if result.paper is None else f"; reference {metric.shown(result.paper)}"
+    reference = "" if result.paper is None else f"{REFERENCE} {metric.shown(result.paper)}"
     is_judged = result.verdict == "pass" or (result.verdict == "fail" and is_final)
     detail = f"{metric.shown(result.mean, result.scale)}{reference}"
     return Row(result.verdict if is_judged else METRIC, metric_name(metric), detail, True)

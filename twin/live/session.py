@@ -68,6 +68,7 @@ class Session:
         self.stepping: int | None = None  # number of the step command
         self.priority = LoopPriority()
         self._last_status_time = self._last_drive_status_time = -inf
+        self.first_values: dict[str, Any] = {}  # set at the start, as an operator would
         self._message, self.shown_message = 0, ""
         self._executor: CommandExecutor | None = None
 
@@ -102,6 +103,8 @@ class Session:
         self.along = {control.input: dict(control.along) for control in self.session_scenario.console}
         for spec in case.conditions:
             file.add(spec)
+        if not wall_clock:
+            self._executor.set_first(self.first_values)
         self._met = 0  # conditions that were noted
         self.dead_man = DeadManSwitch(SIMULATED_HOLD if self.drives is None else HOLD)
         self.given, self._next, self.wall_clock, self.expired_holds = dict[str, Any](), 0, wall_clock, set[str]()
