@@ -138,6 +138,7 @@ def test_a_tick_holds_what_has_changed():
         "tick": 12,
         "stop": "",
         "operator": True,
+        "watching": "",
         "attend": False,
         "dropped": False,
         "phase": "",
