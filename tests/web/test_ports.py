@@ -1,13 +1,14 @@
 """Ports of a page's server, and requests that are none of the usual ones."""
 
 import asyncio
+import logging
 import socket
 
 import pytest
 
 from twin.errors import TwinError
 from twin.web import server
-from twin.web.server import listening
+from twin.web.server import listening, silence_shutdown
 from twin.web.token_auth import TokenAuth, token
 
 
