@@ -158,7 +158,7 @@ def test_keys_move_a_control_after_a_choice_in_a_list(page):
     page.wait_for_function("document.querySelector('.twin-hands p[role=status]').textContent.startsWith('Paused')")
     page.click("button[aria-label=run]")  # held through Run: it moves nothing
     page.wait_for_function("document.querySelector('.twin-hands p[role=status]').textContent.startsWith('Held since')")
-    assert "No commands yet." in page.locator(".twin-done").inner_text()
+    assert "held" not in page.locator(".twin-done").inner_text()
     page.keyboard.up("ArrowUp")
     page.locator(".twin-rate input").focus()
     page.keyboard.down("ArrowUp")
