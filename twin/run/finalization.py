@@ -64,7 +64,8 @@ def add_operation(result: RunResult, cases: Sequence[Case]) -> None:
     evaluation = result.evaluation
     requirements = (*evaluation.expectation_results, *operator_requirements(operation))
     result.evaluation = replace(evaluation, expectation_results=requirements)
-    verdicts = [each.verdict for each in (*evaluation.metric_results, *evaluation.expectation_results)]
+    verdicts = [each.verdict for each in evaluation.metric_results]
+    verdicts += [each.verdict for each in evaluation.expectation_results]
     verdicts += ["fail" if warning["duration"] else "pass" for warning in operation.get("warnings", ())]
     all_reached = not operation.get("targets", {}).get("missed")
     verdict = session_verdict(verdicts, all_reached, result.run.status == "completed")

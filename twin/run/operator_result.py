@@ -174,7 +174,9 @@ def recorded_rows(signals: Signals, name: str) -> NDArray[Any]:
     base, _, index = name.partition("[")
     if name in signals.values or not index:
         return np.asarray(signals.values[name])
-    return np.asarray(signals.values[base])[(slice(None), *(int(i) - 1 for i in index.rstrip("]").split(",")))]
+    element: tuple[Any, ...] = (slice(None), *(int(i) - 1 for i in index.rstrip("]").split(",")))
+    rows: NDArray[Any] = np.asarray(signals.values[base])[element]
+    return rows
 
 
 def operator_requirements(operation: Mapping[str, Any]) -> list[ExpectationResult]:
