@@ -9,7 +9,7 @@ from nicegui import run as nicegui_run
 from nicegui import ui
 
 from twin.console.verdicts import warning_rows
-from twin.live import RefusedError
+from twin.errors import TwinError
 from twin.run import Score, first_motion, point_label, score, score_text
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def session_score(live: LiveSession) -> Score | None:
     targets, controls = live.catalog.targets, live.catalog.controls
     try:
         rows = live.read([targets["signal"], *(control.input for control in controls)])
-    except RefusedError:
+    except TwinError:  # of a folder that is finished there may be no recording
         return None
     if not len(rows.time):
         return None

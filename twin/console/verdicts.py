@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from twin import clock
+from twin.errors import TwinError
 from twin.live import OVER, RefusedError
 from twin.results import Signals, evaluate
 from twin.run import warning_result
@@ -141,7 +142,7 @@ def warning_rows(live: LiveSession) -> list[Row]:
         return []
     try:
         samples = live.read([warning["signal"] for warning in catalog.warnings])
-    except RefusedError:
+    except TwinError:
         return []
     rows = []
     for warning in catalog.warnings if len(samples.time) else ():
