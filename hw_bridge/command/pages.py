@@ -70,7 +70,7 @@ class Page:
         from nicegui import run, ui
 
         if not self.is_operator():
-            ui.notify("This page only watches: another page operates.", type="warning", position="top")
+            ui.notify(self.console.operator_lock.watching, type="warning", position="top")
             return
         try:
             await run.io_bound(what)

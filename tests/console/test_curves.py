@@ -9,7 +9,7 @@ import pytest
 from tests.console.without_a_process import CONTROL, SIGNALS, Setting, signal
 from twin import web
 from twin.console import charts
-from twin.console.curves import MAX_ELEMENTS, PREVIOUS, SessionCurves, elements, near
+from twin.console.curves import MAX_ELEMENTS, PREVIOUS, SessionCurves, elements
 from twin.console.joysticks import control, controls
 from twin.live import RefusedError
 
@@ -52,7 +52,7 @@ def test_curves_of_a_session():
     second = SessionCurves(setting.live, first)
     assert f"{PREVIOUS}b.n" in second.names()
     times, values = second.read(f"{PREVIOUS}a.x", 2.0, 2.5, 100)
-    assert (times.tolist(), np.isnan(values).tolist()) == ([2.0, 2.5], [True, True])  # far from the present run
+    assert (times.tolist(), values.tolist()) == ([2.0, 2.5], [2000.0, 3000.0])  # also far from the present run
     assert second.read(f"{PREVIOUS}a.x", 0.9, 1.1, 100)[1].tolist() == [0.0]
     assert second.read("a.x", 2.0, 2.5, 100)[1].tolist() == [-2000.0, -3000.0]
     late = SessionCurves(setting.live, replace(setting.console) and None)
@@ -62,21 +62,6 @@ def test_curves_of_a_session():
     assert late.span() == (1.0, 1.0)
     assert [array.size for array in late.read("a.x", 0.0, 9.0, 10)] == [0, 0]
     assert SessionCurves(setting.live, late).previous_run is None  # it never had a row
-
-
-@pytest.mark.parametrize(
-    ("present", "shown"),
-    [
-        ([60.0, 150.0], [-90.0, 0.0, 300.0]),  # as far as the present run is large; 2595 would set the axis
-        ([-1.0], [0.0]),
-        ([0.0, 0.0], [-95.0, -90.0, 0.0, 300.0, 301.0, 2595.0]),  # without a size there is nothing to flatten
-        ([], [-95.0, -90.0, 0.0, 300.0, 301.0, 2595.0]),
-        ([np.nan, 2000.0], [0.0, 300.0, 301.0, 2595.0]),
-    ],
-)
-def test_the_previous_run_does_not_flatten_the_present_one(present, shown):
-    values = near(np.array([-95.0, -90.0, 0.0, 300.0, 301.0, 2595.0]), np.array(present))
-    assert values[~np.isnan(values)].tolist() == shown
 
 
 def test_the_first_panes_of_a_chart():

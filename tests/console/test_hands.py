@@ -40,8 +40,11 @@ def page(served, browser):  # noqa: F811
     one.set_default_timeout(60_000)  # loading a page takes a busy machine this long
     one.goto(served.address, wait_until="commit")
     one.wait_for_selector(".twin-control", timeout=60_000)
-    one.wait_for_function("document.querySelector('#twin-how').textContent.startsWith('paused')")
+    one.wait_for_function("/^(paused|running)/.test(document.querySelector('#twin-how').textContent)")
     one.wait_for_function("!document.querySelector('.twin-control .way').disabled", timeout=10_000)
+    if (run := one.locator("button[aria-label=run]")).is_visible():
+        run.click()  # a press while paused moves nothing
+    one.wait_for_function("document.querySelector('#twin-how').textContent.startsWith('running')")
     yield one
     context.close()
 

@@ -88,7 +88,7 @@ def test_what_is_refused(message, why):
 def test_another_page_watches_and_may_stop():
     setting = Setting("watcher")
     for message in (HOLD, {"release_hold": ""}, {"here": True, "tick": 7}):
-        with pytest.raises(ValueError, match=r"this page only watches\. Another page operates\."):
+        with pytest.raises(ValueError, match=r"This page only watches: another page operates\."):
             setting.take(message)
     setting.take({"watch": ["a.x", "a.x"]})
     assert setting.messages.watched == ("a.x",)
@@ -114,6 +114,7 @@ def test_a_tick_holds_what_has_changed():
         "tick": 9,
         "stop": "STOP",
         "operator": True,
+        "watching": "",
         "attend": True,
         "dropped": False,
         "phase": "running",
@@ -137,6 +138,7 @@ def test_a_tick_holds_what_has_changed():
         "tick": 12,
         "stop": "",
         "operator": True,
+        "watching": "",
         "attend": False,
         "dropped": False,
         "phase": "",

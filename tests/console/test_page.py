@@ -154,6 +154,12 @@ def test_a_rig_without_a_sheath_counts_from_the_entry(page):
 
 def test_keys_move_a_control_after_a_choice_in_a_list(page):
     """The list keeps the focus; the arrow keys changed it instead. While it is open they choose."""
+    page.keyboard.down("ArrowUp")
+    page.wait_for_function("document.querySelector('.twin-hands p[role=status]').textContent.startsWith('Paused')")
+    page.click("button[aria-label=run]")  # held through Run: it moves nothing
+    page.wait_for_function("document.querySelector('.twin-hands p[role=status]').textContent.startsWith('Held since')")
+    assert "held" not in page.locator(".twin-done").inner_text()
+    page.keyboard.up("ArrowUp")
     page.locator(".twin-rate input").focus()
     page.keyboard.down("ArrowUp")
     page.wait_for_function("document.querySelector('.twin-control b').textContent.startsWith('20 ')")
@@ -165,6 +171,7 @@ def test_keys_move_a_control_after_a_choice_in_a_list(page):
     page.keyboard.press("ArrowUp")
     assert page.evaluate("[...twinHands.held.values()].every((sources) => !sources.size)")
     page.keyboard.press("Escape")
+    page.click("button[aria-label=pause]")
 
 
 def test_texts_that_change_move_no_button(page):

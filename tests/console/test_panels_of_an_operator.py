@@ -12,10 +12,11 @@ from tests.console.page_without_a_server import Page
 from tests.console.without_a_process import Recorder
 from twin.console import operator_panel, safety, targets
 from twin.console.operator_panel import MAX_MATCHES
-from twin.console.page import NO_OPERATOR, PageContext
+from twin.console.page import PageContext
 from twin.console.session import Host
 from twin.errors import TwinError
 from twin.live import ExecutedCommand, RefusedError
+from twin.web.operator_lock import NO_OPERATOR
 
 
 def signal(name, type="Float64", start=1.0, *, factor=1.0, offset=0.0, low=None, high=None, **more):  # noqa: A002
@@ -42,7 +43,7 @@ class Setting:
             "warnings": (),
         }
         self.catalog = SimpleNamespace(signals={one.name: one for one in signals}, **defaults | catalog)
-        values = {"state": self.state, "catalog": self.catalog, "done": []}
+        values = {"state": self.state, "catalog": self.catalog, "done": [], "changed_values": {}}
         self.live = Recorder("live", self.calls, values)
         self.console = Host(live=self.live)
         self.page = Page(monkeypatch)

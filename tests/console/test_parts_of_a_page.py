@@ -18,11 +18,12 @@ from nicegui import ui
 from tests.console.page_without_a_server import Page
 from tests.console.without_a_process import Recorder
 from twin.console import page, start_page, summary, targets
-from twin.console.page import NO_OPERATOR, NOT_OPERATOR, PageContext
+from twin.console.page import PageContext
 from twin.console.session import Host
 from twin.console.verdicts import Row, headline
 from twin.errors import TwinError
 from twin.scenario.scenario_paths import Overview
+from twin.web.operator_lock import NO_OPERATOR, NOT_OPERATOR
 
 
 class Setting:
@@ -49,10 +50,10 @@ class Setting:
             "fastest_rate": math.inf,
         }
         self.catalog = SimpleNamespace(**defaults | catalog)
-        values = {"state": self.state, "catalog": self.catalog, "done": []}
+        values = {"state": self.state, "catalog": self.catalog, "done": [], "changed_values": {}}
         self.live = Recorder("live", self.calls, values)
         self.console = Host(live=self.live)
-        for name in ("resume", "restart", "stop", "leave", "begin", "release_hold"):
+        for name in ("resume", "restart", "stop", "reset", "leave", "begin", "release_hold"):
             setattr(self.console, name, lambda *words, name=name: self.calls.append(("console", name, *words)))
         self.page = Page(monkeypatch)
         self.context = PageContext(self.console, self.page.client)
@@ -94,8 +95,7 @@ def test_buttons_of_the_bar(setting, phase, wall_clock, shown):
     if not wall_clock:
         one.page.press("reset")
         one.page.change(one.page.named("pace", ui.select), 0.5)
-        names = ["step", "step_macro", "reset"]
-        assert one.calls == [*(("live", name) for name in names), ("live", "pace", 0.5)]
+        assert one.calls == [("live", "step"), ("live", "step_macro"), ("console", "reset"), ("live", "pace", 0.5)]
     one.page.press("run")
     one.page.press("pause")
     assert one.calls[-2:] == [("console", "resume"), ("live", "pause")]
@@ -187,11 +187,11 @@ def test_the_menu_of_operators(setting, monkeypatch):
     assert (one.lock.operator, one.calls) == ("other", [("console", "release_hold")])
     assert one.page.shown() == ["you watch", "This is page 1.", "The operator can hand over to this page."]
     one.lock.leave("other")
-    assert one.page.shown() == ["no operator", "This is page 1.", "operate here"]
+    assert one.page.shown() == ["operate here", "no operator", "This is page 1."]
     one.page.press("operate here")
     assert one.lock.operator == own
     one.lock.leave(own)
-    assert one.page.shown() == ["no operator", "This page is not connected yet.", "operate here"]
+    assert one.page.shown() == ["no operator", "This page is not connected yet."]
     for call in removed:
         call()
     assert one.lock.changed == []
@@ -303,13 +303,14 @@ def test_requirements_are_judged_once_rows_are_there(setting):
     one.state.epoch = 0
     with one.page:
         summary.judged(one.console, verdicts, failed := ui.label())
-    judged[0] = [Row("pass", "near", "3 mm"), Row("fail", "fast", "2 s"), Row("", "mean", "1 N")]
+    judged[0] = [Row("pass", "near", "3 mm"), Row("fail", "fast", "2 s"), Row("", "mean", "1 N; reference 2 N", True)]
     one.page.tick()
     assert one.page.shown() == ["Run to judge them."]
     one.state.epoch = 1
     one.page.tick()
-    details = ["near", "3 mm", "fast", "2 s", "mean", "1 N"]
+    details = ["near", "3 mm", "fast", "2 s", "mean", "1 N; reference 2 N"]
     assert failed.text == "Not met: fast"
+    assert one.console.latest_metrics[1] == {"mean": "1 N"}  # the next run may be of another variant
     assert one.page.shown() == [failed.text, "1 of 2 requirements failed.", *details]
     icons = one.page.elements(ui.icon)
     assert [icon.props["aria-label"] for icon in icons] == ["pass", "fail", "metric"]
@@ -387,7 +388,7 @@ def test_the_end_of_a_session(setting, changes, controls, shown):
     links = {link.text: link.props["href"] for link in one.page.elements(ui.link)}
     assert links == ({"replay and signals in the viewer": "/signals"} if "folder" in changes else {})
     calls = {
-        "change and compare": ("live", "reset"),
+        "change and compare": ("console", "reset"),
         "again": ("console", "restart", "a"),
         "another scenario": ("console", "leave"),
     }
@@ -398,6 +399,18 @@ def test_the_end_of_a_session(setting, changes, controls, shown):
     labels = one.page.elements(ui.label)
     one.page.tick()
     assert one.page.elements(ui.label) == labels
+
+
+def test_values_that_were_set_by_hand_stay_unless_nominal_ones_are_chosen(setting):
+    one = setting()
+    one.live.values["changed_values"] = {"wall.stiffness": 2.0}
+    one.state.phase = "stopped"
+    with one.page:
+        summary.banner(one.context)
+    one.page.tick()
+    for text in ("again", "again with nominal values"):
+        one.page.press(text)
+    assert one.calls == [("console", "restart", None), ("console", "restart", None, True)]
 
 
 FORCE = SimpleNamespace(factor=1.0, offset=0.0, display_unit="N")
@@ -468,7 +481,7 @@ def test_the_last_target_is_announced_and_a_session_that_ended_early_has_not_pas
     for text in ("end: replay and report", "again"):
         one.page.press(text)
         assert not one.page.named(text).enabled  # for the second click of a double click
-    assert one.calls == [("console", "stop"), ("live", "reset")]
+    assert one.calls == [("console", "stop"), ("console", "reset")]
     reason = "a, seed 1: ended early, at 1 s: the operator ended it before the end of the scenario, 10 s."
     (tmp_path / "summary.json").write_text(json.dumps({"status": "interrupted", "reason": reason}))
     (tmp_path / "report.html").touch()

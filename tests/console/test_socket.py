@@ -163,7 +163,15 @@ def test_a_session_begins_after_the_one_before(monkeypatch):
     one.begin(Path("x.yaml"), "PI", 3)
     assert calls == [("live", "stop"), ("live", "close")]
     options = {"overrides": ("a=1",), "rate": 2.0, "hardware": Path("b.yaml"), "arm": True, "runs": Path("r")}
-    options |= {"build": Path("b"), "backend": "compiled", "report": True, "wait": False, "variant": "PI", "seed": 3}
+    options |= {
+        "build": Path("b"),
+        "backend": "compiled",
+        "report": True,
+        "values": {},
+        "wait": False,
+        "variant": "PI",
+        "seed": 3,
+    }
     assert begun == [(Path("x.yaml"), options)]
     assert (one.live, one.scenario, one.variant, one.seed) == ("new", Path("x.yaml"), "PI", 3)
     assert (one._source, one._stopping) == ("curves", None)
@@ -179,13 +187,14 @@ def test_a_session_begins_after_the_one_before(monkeypatch):
 def test_a_restart_ends_the_session_unless_drives_run(monkeypatch, hardware, phase, refused):
     calls, begun = [], []
     one = Host(scenario=Path("x.yaml"), seed=3, hardware=hardware, live=live(calls, phase))
+    one.live.values["changed_values"] = {"a.x": 1.0}
     monkeypatch.setattr(one, "begin", lambda *words: begun.append(words))
     if refused:
         with pytest.raises(TwinError, match=r"a session with drives is running\. Stop it first\."):
             one.restart("PI")
     else:
         one.restart("PI")
-    assert (calls, begun) == (([], []) if refused else ([("live", "stop")], [(Path("x.yaml"), "PI", 3)]))
+    assert (calls, begun) == (([], []) if refused else ([("live", "stop")], [(Path("x.yaml"), "PI", 3, {"a.x": 1.0})]))
     Host().restart("PI")  # nothing to repeat
 
 

@@ -1,5 +1,6 @@
 """The end of a scenario in the console: it pauses, is judged, and the next run is compared with it."""
 
+import json
 import time
 from pathlib import Path
 
@@ -9,10 +10,11 @@ pytest.importorskip("nicegui")
 
 from twin.console.curves import PREVIOUS
 from twin.console.session import Host
-from twin.console.targets import score
+from twin.console.summary import session_result
 from twin.console.verdicts import Row, SessionVerdicts, headline
 from twin.errors import TwinError
 from twin.live import LiveSession
+from twin.run import score
 
 TEXT = """
 stop_time: 0.5 s
@@ -95,6 +97,24 @@ def test_a_scenario_pauses_at_its_end_and_the_next_run_is_compared(host):
     until(lambda: host.live.state.time == 0.5)
     host.resume()
     until(lambda: host.live.state.time > 0.6)
+    host.close()
+    summary = json.loads((Path(host.live.state.folder) / "summary.json").read_text())
+    result = session_result(host.live, None)
+    report = (Path(host.live.state.folder) / "report.html").read_text()
+    operation = summary["operation"]  # card, summary and report have one verdict
+    assert (summary["status"], summary["passed"]) == ("completed", False)
+    assert (
+        (result.kind, result.score)
+        == ("failed", operation["targets"]["detail"])
+        == (operation["verdict"], result.score)
+    )
+    assert (list(operation["targets"]["reached"]), operation["targets"]["missed"]) == (["systole"], ["never"])
+    assert operation["text"] in report.partition("</header>")[0]
+    assert [each["name"] for each in summary["expectations"] if each["verdict"] == "fail"] == [
+        "never",
+        "All 2 targets reached",
+        "No warning: far out",
+    ]
 
 
 def test_with_drives_a_session_is_stopped_by_its_operator(tmp_path):

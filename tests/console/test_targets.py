@@ -7,13 +7,11 @@ from tests.every_case import every_case
 
 pytest.importorskip("nicegui")
 
-from types import SimpleNamespace
-
-from twin.console.targets import Score, first_command, score, text
 from twin.console.websocket import plain
 from twin.errors import ScenarioError
-from twin.live import ExecutedCommand
-from twin.run import resolve_catalogs
+from twin.results import Signals
+from twin.run import Score, first_motion, resolve_catalogs, score
+from twin.run import score_text as text
 from twin.scenario import parse_scenario, resolve_targets, resolve_warning
 
 TARGETS = {"signal": "tip.position", "tolerance": 1.0, "points": {"near": [3.0, 0.0], "far": [3.0, 4.0]}}
@@ -46,26 +44,35 @@ def test_a_single_number_is_a_signal_too():
 
 def test_the_first_command_moves_an_input_with_a_control():
     """Neither a changed parameter nor a hold while paused starts the time; without controls it starts with the session."""
+    time = np.array([0.25, 0.5, 1.0, 2.0])
+    assert first_motion(time, [(np.zeros(4), 0.0)]) is None
+    assert first_motion(time, [(np.zeros(4), 0.0), (np.array([[0.0], [0.0], [0.04], [0.0]]), 0.0)]) == 1.0
+    assert first_motion(time, [(np.array([True, True, True, False]), 1.0)]) == 2.0
+    assert first_motion(time, []) == 0.25
 
-    def command(time, text, name="command.speed[1]"):
-        return ExecutedCommand(0, time, "set", f"set {name} = {text}", "")
 
-    control = SimpleNamespace(
-        input="command.speed[1]",
-        label="catheter",
-        along=("command.pressed",),
-        display_unit="mm/s",
-        factor=1e3,
-        offset=0.0,
-        rest=0.0,
+def test_an_operator_has_to_reach_all_targets_without_a_warning():
+    """As requirements, which make the verdict of the run, and in a line."""
+    from twin.run.operator_result import operation_text, operator_requirements, operator_result
+
+    scenario = parse_scenario(
+        f"{HEAD}{{targets: {{signal: heart.position, tolerance: 1 mm, points: {{near: 2 mm, far: 8 mm}}}}, "
+        "warnings: [{signal: wall.force, above: 500 mN, text: high force}]}"
     )
-    done = [command(0.0, "2 N/m", "wall.stiffness"), command(0.5, "40 mm/s"), command(0.5, "0 mm/s")]
-    live = SimpleNamespace(catalog=SimpleNamespace(controls=(control,), start=0.25), done=done)
-    assert first_command(live) is None
-    done += [command(2.0, "true", "command.pressed"), command(2.0, "40 mm/s"), command(3.0, "0 mm/s")]
-    assert first_command(live) == 2.0
-    live.catalog.controls = ()
-    assert first_command(live) == 0.25
+    (catalog,) = resolve_catalogs(scenario).values()
+    time = np.linspace(0.0, 1.0, 5)
+    values = {"heart.position": 2e-3 * time, "wall.force": np.array([0.0, 0.0, 0.6, 0.7, 0.0])}
+    operation = operator_result(scenario, scenario.variants[0], catalog, Signals(time, values))
+    assert (operation["targets"]["reached"], operation["targets"]["missed"]) == ({"near": 0.5}, ["far"])
+    (warning,) = operation["warnings"]
+    assert (warning["limit"], warning["maximum"], warning["duration"], warning["unit"]) == (0.5, 0.7, 0.5, "N")
+    score_line = "1 of 2 targets, next: far; 1.0 s, path length 2 mm"
+    shown = "for 0.5 s; at most 0.7 N, limit 0.5 N"
+    assert [tuple(vars(each).values())[:3] for each in operator_requirements(operation)] == [
+        ("All 2 targets reached", "fail", score_line),
+        ("No warning: high force", "fail", shown),
+    ]
+    assert operation_text(operation) == f"{score_line}; high force {shown.replace(';', ',')}"
 
 
 def test_units():

@@ -52,7 +52,7 @@ def test_hands_and_eyes(served):
             {"here": True, "tick": 1},
         ):
             watcher.say(**message)
-            assert watcher.refused() == "this page only watches. Another page operates."
+            assert watcher.refused() == "This page only watches: another page operates."
         for message, wrong in (({"here": 1, "tick": 1}, "expected true"), ({"here": True}, "tick: expected a whole")):
             operator.say(**message)
             assert wrong in operator.refused()
@@ -62,7 +62,7 @@ def test_hands_and_eyes(served):
         for _ in range(5):
             tick = operator.hear(lambda told: "tick" in told)
             operator.say(hold=INPUT, at=0.55, press=3, tick=tick["tick"])
-        assert operator.hear(lambda told: told.get("held"))["held"] == {INPUT: pytest.approx(0.01)}  # 10 % dead zone
+        assert not operator.hear(lambda told: told.get("tick", 0) > tick["tick"] + 9)["held"]  # it is paused
         operator.say(release_hold="")
         operator.hear(lambda told: "tick" in told and not told["held"], timeout=5)
 

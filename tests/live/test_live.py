@@ -306,6 +306,9 @@ def test_the_loop_ends_by_itself_when_who_shows_it_is_killed(build, tmp_path):
         folder = Path(shows.stdout.readline().split()[0])
         shows.kill()
     until((folder / "summary.json").exists, "the summary")
+    summary = json.loads((folder / "summary.json").read_text())
+    assert (summary["status"], summary["passed"]) == ("interrupted", False)
+    assert "s: the console was killed." in summary["reason"]
     recorded = same_bits(folder, build, tmp_path / "again")
     assert np.any(recorded[SPEED] == 0.01)
     until(lambda: not (folder / ".recording").exists(), "the end")

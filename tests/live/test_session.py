@@ -11,6 +11,7 @@ import pytest
 from tests.every_case import every_case
 from twin.live import EXPIRED, HOLD, SIMULATED_HOLD
 from twin.live.operator import commands
+from twin.live.operator.dead_man_switch import DeadManSwitch
 from twin.live.pacing import checked_rate
 from twin.live.session import Session
 from twin.live.worker import SessionProcess
@@ -89,7 +90,7 @@ def test_every_command_at_its_communication_point(tmp_path):
     def hold(session, _):
         assert session.dead_man.longest == SIMULATED_HOLD
         session.dead_man.longest = 1e9  # a busy machine is no released hand
-        return {"ask": "hold", "name": SPEED, "value": 0.02, "press": 1, "instant": wall.monotonic()}
+        session.dead_man.hold(SPEED, 0.02, 0.0, 1, 0.0, wall.monotonic())  # the command is refused while paused
 
     script = play(
         tmp_path,
@@ -266,6 +267,8 @@ def fake_session(**attributes):
             add_done=lambda _time, kind, text, *_, **__: calls.append((kind, text)),
         ),
         calls=calls,
+        dead_man=DeadManSwitch(),
+        confirm_hold=lambda name: calls.append("confirm_hold"),
         end_stepping=lambda: calls.append("end_stepping"),
         begin_pace=lambda: calls.append("begin_pace"),
         withdraw_message=lambda: calls.append("withdraw_message"),
@@ -313,6 +316,25 @@ def test_commands_are_refused(attributes, message, refused):
     assert text.startswith(refused)
     assert bool(text) == bool(refused)
     assert later == (message["ask"] == "step" and not refused)
+
+
+def test_a_press_that_began_while_paused_moves_nothing_after_run():
+    """Nor does one that was held through a pause, until it is released and pressed again."""
+    session = fake_session(phase="paused")
+    session.executor.check_hold = lambda name, value: (name, value, 0.0)
+
+    def held(press):
+        message = {"ask": "hold", "name": "a", "value": 0.5, "press": press, "instant": wall.monotonic()}
+        assert commands.execute(session, message) == ("", False)
+        return session.dead_man.inputs["a"].value
+
+    assert held(1) == 0.0
+    commands.execute(session, {"ask": "resume"})
+    assert (held(1), held(2)) == (0.0, 0.5)
+    commands.execute(session, {"ask": "pause"})
+    assert session.dead_man.inputs["a"].value == held(2) == 0.0
+    commands.execute(session, {"ask": "resume"})
+    assert (held(2), held(3)) == (0.0, 0.5)
 
 
 def test_what_commands_do():

@@ -1,13 +1,14 @@
 """Ports of a page's server, and requests that are none of the usual ones."""
 
 import asyncio
+import logging
 import socket
 
 import pytest
 
 from twin.errors import TwinError
 from twin.web import server
-from twin.web.server import listening
+from twin.web.server import listening, silence_shutdown
 from twin.web.token_auth import TokenAuth, token
 
 
@@ -71,3 +72,14 @@ def test_answers_hold_the_cookie_and_forbid_others_content():
     assert asked(request(cookie="twin_8301=secret"))[0] == []
     assert len(token()) == 22  # 16 bytes in base64
     assert token() != token()
+
+
+def test_tasks_of_an_open_page_are_no_message_at_the_end():
+    logger = logging.getLogger("nicegui")
+    before = list(logger.filters)
+    try:
+        silence_shutdown()
+        records = [logging.makeLogRecord({"msg": text}) for text in ("Could not cancel %s tasks", "an error of a page")]
+        assert [bool(logger.filter(record)) for record in records] == [False, True]
+    finally:
+        logger.filters[:] = before

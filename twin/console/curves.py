@@ -66,9 +66,7 @@ class SessionCurves:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return a window with the row before it, so that a line begins at the edge."""
         if name.startswith(PREVIOUS) and self.previous_run is not None:
-            own = name.removeprefix(PREVIOUS)
-            times, values = self.previous_run.read(own, start, stop, points)
-            return times, near(values, self.read(own, start, stop, points)[1])
+            return self.previous_run.read(name.removeprefix(PREVIOUS), start, stop, points)
         try:
             rows = self.reader().read([name], start - self._catalog.every, stop)
         except RefusedError:
@@ -77,14 +75,6 @@ class SessionCurves:
         values = np.asarray(rows.values[name], np.float64).reshape(len(time))
         first = round((time[0] - self._catalog.start) / self._catalog.every) if len(time) else 0
         return frames.decimate(time, signal.factor * values + signal.offset, points, first)
-
-
-def near(values: NDArray[np.float64], present: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return values with NaN where they are farther from the present run than it is large: they would flatten it in the chart."""
-    present = present[np.isfinite(present)]
-    size = max(np.ptp(present), np.abs(present).max()) if present.size else 0.0
-    is_near = (values >= present.min() - size) & (values <= present.max() + size) if size else True
-    return np.where(is_near, values, np.nan)
 
 
 def elements(signal: CatalogSignal) -> Iterator[str]:

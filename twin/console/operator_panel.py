@@ -97,8 +97,16 @@ def values(context: PageContext, live: LiveSession, settable: dict[str, CatalogS
         if len(matches) > MAX_MATCHES:
             ui.label(f"and {len(matches) - MAX_MATCHES} more: refine the search").classes("twin-soft")
 
+    async def set_nominal() -> None:
+        for name in live.changed_values:
+            await context.run(live.set, name, _start(name, settable[name]))
+        rows.refresh()
+
+    nominal = ui.button("nominal values", on_click=set_nominal).props("dense no-caps outline")
+    nominal.visible = bool(live.changed_values)
     search.on_value_change(rows.refresh)
     rows()
+    ui.timer(0.3, lambda: nominal.set_visibility(bool(live.changed_values)))
 
 
 def row(

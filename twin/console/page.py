@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
 
     from twin.console.session import Host, Panel
-    from twin.console.targets import Score
     from twin.console.verdicts import SessionVerdicts
     from twin.live import Catalog, LiveSession
+    from twin.run import Score
 
 STATIC = Path(__file__).parent / "static"
 RATES = {
@@ -47,8 +47,6 @@ NOT_OPERATED = (
     "This variant follows a script or a recording: controls may have no effect. "
     f"To operate, choose the variant “{scenario_paths.OPERATOR_VARIANT}”."
 )
-NOT_OPERATOR = "This page only watches: another page operates."
-NO_OPERATOR = "No page operates. Choose “operate here” in the menu at the top."
 
 
 class PageContext:
@@ -67,7 +65,7 @@ class PageContext:
     async def run(self, what: Callable[..., Any], *arguments: Any) -> bool:
         """Run a command if this page operates; return whether it was executed. The process of the loop checks it again."""
         if not self.is_operator():
-            self.notify(NO_OPERATOR if self.console.operator_lock.operator is None else NOT_OPERATOR)
+            self.notify(self.console.operator_lock.watching)
             return False
         try:
             await nicegui_run.io_bound(what, *arguments)
@@ -159,6 +157,8 @@ def _stage(console: Host) -> tuple[Any, ...]:
 def _top(context: PageContext, attends: bool = False) -> None:
     """Create the operator menu and the stop button, always visible."""
     console = context.console
+    take = ui.button("operate here", on_click=lambda: console.operator_lock.acquire(context.client.id))
+    take.props("unelevated dense no-caps color=primary").classes("twin-take")
     role = ui.button().props("flat dense no-caps").classes("twin-role")
     with role, ui.menu() as menu, ui.column().classes("p-2 gap-1") as others:
         pass
@@ -173,13 +173,11 @@ def _top(context: PageContext, attends: bool = False) -> None:
         lock = console.operator_lock
         own = lock.pages.get(context.client.id, "")
         role_text = "you operate" if context.is_operator() else "no operator" if lock.operator is None else "you watch"
-        role.text = role_text
+        role.text, take.visible = role_text, lock.operator is None and bool(own)
         role.classes(remove="twin-operates").classes("twin-operates" if context.is_operator() else "")
         others.clear()
         with others:
             ui.label(f"This is {own}." if own else "This page is not connected yet.").classes("twin-soft")
-            if lock.operator is None:
-                ui.button("operate here", on_click=lambda: lock.acquire(context.client.id)).props("dense no-caps")
             for client, name in lock.pages.items():
                 if context.is_operator() and client != context.client.id:
                     ui.button(f"hand over to {name}", on_click=lambda target=client: _transfer_control(target)).props(
@@ -191,7 +189,7 @@ def _top(context: PageContext, attends: bool = False) -> None:
     def _transfer_control(client: str) -> None:
         console.release_hold()
         if not console.operator_lock.hand_over(context.client.id, client):
-            context.notify(NOT_OPERATOR)
+            context.notify(console.operator_lock.watching)
         menu.close()
 
     console.operator_lock.changed.append(show)
@@ -302,7 +300,7 @@ def _steps(context: PageContext, live: LiveSession, catalog: Catalog) -> None:
         f"advance to the next sample of the slowest member ({catalog.common_step * 1e3:g} ms)",
         context.on_press(lambda: live.step_macro),
     )
-    _button("restart_alt", "reset: from the start, in a new folder", context.on_press(lambda: live.reset))
+    _button("restart_alt", "reset: from the start, in a new folder", context.on_press(lambda: context.console.reset))
     rates = {rate: text for rate, text in RATES.items() if rate <= catalog.fastest_rate}
     ui.select(
         rates,

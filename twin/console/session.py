@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol
 
 from twin import installed
@@ -96,7 +97,13 @@ class Host:
     _source: SessionCurves | None = None
     _stopping: threading.Thread | None = None
 
-    def begin(self, scenario: Path, variant: str | None = None, seed: int | None = None) -> None:
+    def begin(
+        self,
+        scenario: Path,
+        variant: str | None = None,
+        seed: int | None = None,
+        values: Mapping[str, Any] = MappingProxyType({}),
+    ) -> None:
         """Start a session after the previous one has ended; it prepares in its own process. TwinError if one is running."""
         with self.lock:
             if self.is_open:
@@ -120,18 +127,28 @@ class Host:
                 build=self.build,
                 backend=self.backend,
                 report=True,
+                values=values,
                 wait=False,
             )
 
-    def restart(self, variant: str | None) -> None:
-        """End the session and start a variant of the same scenario. TwinError with drives, which only an operator stops."""
+    def restart(self, variant: str | None, nominal: bool = False) -> None:
+        """End the session and start a variant of the same scenario, with the values that the operator has set unless `nominal`.
+
+        TwinError with drives, which only an operator stops.
+        """
         if self.hardware is not None and self.is_open:
             raise TwinError("a session with drives is running. Stop it first.")
         if self.scenario is not None:
+            values = {} if nominal or self.live is None else self.live.changed_values
             self._stop_session()
             if self._stopping is not None:
                 self._stopping.join()
-            self.begin(self.scenario, variant, self.seed)
+            self.begin(self.scenario, variant, self.seed, values)
+
+    def reset(self, nominal: bool = False) -> None:
+        """Begin the session again, with the values that the operator has set unless `nominal`."""
+        if self.live is not None:
+            self.live.reset({} if nominal else self.live.changed_values)
 
     @property
     def is_open(self) -> bool:

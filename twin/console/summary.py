@@ -16,9 +16,10 @@ from nicegui import run as nicegui_run
 from nicegui import ui
 
 from twin.console import operator_panel, targets
-from twin.console.verdicts import METRIC, NOT_JUDGED, WAITING, Row, SessionVerdicts, headline, warning_rows
+from twin.console.verdicts import METRIC, NOT_JUDGED, REFERENCE, WAITING, Row, SessionVerdicts, headline, warning_rows
 from twin.errors import TwinError
 from twin.live import OVER
+from twin.run import Score, session_verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -111,7 +112,10 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
         shown[0], total.text = (rows, has_ended), headline(rows, has_ended)
         names = [row.name for row in rows if row.verdict == "fail" and not row.is_metric]
         failed.text, failed.visible = f"Not met: {'; '.join(names)}", bool(names)
-        console.latest_metrics = (id(live), live.state.epoch), {row.name: row.detail for row in rows if row.is_metric}
+        console.latest_metrics = (
+            (id(live), live.state.epoch),
+            {row.name: row.detail.partition(REFERENCE)[0] for row in rows if row.is_metric},
+        )
         column.clear()
         with column:
             for row in rows:
@@ -146,30 +150,24 @@ class SessionResult:
 
 
 def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> SessionResult:
-    """Return the result of a session: it fails with a requirement that is not met, or a warning that was shown.
-
-    It passes only if no requirement is open.
-    """
+    """Return the result of a session: that of its folder, or that of the rows so far where no folder was written."""
     rows = verdicts.rows() if verdicts is not None else []
     warnings = warning_rows(live)
     words, is_complete = "", True
     if live.catalog is not None and live.catalog.targets:
-        score = targets.session_score(live) or targets.Score({})
+        score = targets.session_score(live) or Score({})
         words = targets.session_text(score, live.catalog)
         is_complete = len(score.reached) == len(live.catalog.targets["points"])
-    judged = [row.verdict for row in (*rows, *warnings) if row.verdict in ("pass", "fail")]
-    early = early_end(live.state.folder)
+    file = Path(live.state.folder) / "summary.json"
+    summary = json.loads(file.read_text(encoding="utf-8")) if live.state.folder and file.is_file() else {}
+    early = str(summary["reason"]) if summary.get("status") == "interrupted" else ""
     is_open = bool(early) or any(row.verdict == WAITING for row in rows)
-    kind = "failed" if "fail" in judged else "targets left" if not is_complete else "ended early" if is_open else ""
-    kind = kind or ("passed" if judged else "")
+    operation = summary.get("operation", {})
+    kind = operation.get("verdict") or session_verdict(
+        [row.verdict for row in (*rows, *warnings)], is_complete, not is_open
+    )
+    words = operation.get("targets", {}).get("detail", words)
     return SessionResult(kind, words, tuple(rows), tuple(warnings), early)
-
-
-def early_end(folder: str) -> str:
-    """Return why a stored session ended before its end, or nothing."""
-    file = Path(folder) / "summary.json"
-    summary = json.loads(file.read_text(encoding="utf-8")) if folder and file.is_file() else {}
-    return str(summary["reason"]) if summary.get("status") == "interrupted" else ""
 
 
 def result_card(result: SessionResult) -> None:
@@ -250,10 +248,10 @@ def fill(context: PageContext, kind: str) -> None:
         made = ui.button(text, on_click=press_once).props("dense no-caps outline")
 
     if kind == "reached":
-        button("change and compare", live.reset)
+        button("change and compare", console.reset)
     elif kind == "targets":
         button("end: replay and report", console.stop)
-        button("again", live.reset)
+        button("again", console.reset)
     elif kind:
         if state.folder:
             ui.link("replay and signals in the viewer", "/signals", new_tab=True)
@@ -261,4 +259,6 @@ def fill(context: PageContext, kind: str) -> None:
                 ui.link("report", "/report", new_tab=True)
             ui.label(f"Results: {state.folder}").classes("twin-soft twin-line")
         button("again", console.restart, console.variant)
+        if live.changed_values:
+            button("again with nominal values", console.restart, console.variant, True)
         button("another scenario", console.leave)

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from nicegui import run as nicegui_run
 from nicegui import ui
 
-from twin.console.operator_panel import HELD, RELEASED, condense
 from twin.console.verdicts import warning_rows
-from twin.live import RefusedError
+from twin.errors import TwinError
+from twin.run import Score, first_motion, point_label, score, score_text
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import NDArray
-
     from twin.console.animation import Pictures
     from twin.console.page import PageContext
     from twin.live import Catalog, LiveSession
@@ -26,91 +20,26 @@ if TYPE_CHECKING:
 PERIOD = 0.5  # of the score [s]
 
 
-@dataclass(frozen=True)
-class Score:
-    """Targets reached so far with their times, the length of the path, and the time until the last target or until now.
-
-    Times count from the first command [s], 0 before it; `path` is in the unit of the signal.
-    """
-
-    reached: Mapping[str, float]
-    path: float = 0.0
-    duration: float = 0.0
-
-
-def score(
-    time: NDArray[np.float64], values: NDArray[np.float64], targets: Mapping[str, Any], begin: float | None
-) -> Score:
-    """Score rows of the signal of `targets`: `time` of shape (rows,) [s], `values` of shape (rows, ...), from `begin` [s]."""
-    if begin is None or not len(time) or time[-1] <= begin:
-        return Score({})
-    is_scored = time >= begin
-    time, rows = time[is_scored], values.reshape(len(time), -1)[is_scored]
-    reached = {}
-    for name, point in targets["points"].items():
-        hits = np.flatnonzero(np.linalg.norm(rows - point, axis=1) <= targets["tolerance"])
-        if len(hits):
-            reached[name] = float(time[hits[0]] - begin)
-    is_complete = len(reached) == len(targets["points"])
-    end = max(reached.values()) if is_complete else float(time[-1] - begin)
-    path = rows[time <= begin + end]
-    return Score(
-        dict(sorted(reached.items(), key=lambda entry: entry[1])),
-        float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
-        end,
-    )
-
-
-def first_command(live: LiveSession) -> float | None:
-    """Return the time at which an input with a control first moves, by the operator or the scenario [s]; None before it.
-
-    What was released at the same instant, while the session was paused, does not count. Without controls: the start.
-    """
-    assert live.catalog is not None
-    controls = {control.input: control for control in live.catalog.controls}
-    if not controls:
-        return live.catalog.start
-    done = condense(live.done, controls)
-    for index, command in enumerate(done):
-        label, is_held, _ = command.text.partition(HELD)
-        following = (later.time for later in done[index + 1 :] if later.text.startswith(f"{label}{RELEASED}"))
-        if is_held and next(following, math.inf) > command.time:
-            return command.time
-    return None
-
-
-def text(now: Score, targets: Mapping[str, Any], factor: float, unit: str, label: str = "") -> str:
-    """Return a score in words, the length of the path, forth and back, in the display unit. `label`: of what reaches them."""
-    names = list(targets["points"])
-    left = [name for name in names if name not in now.reached]
-    figures = f"{now.duration:.1f} s, path length {factor * now.path:.0f} {unit}"
-    owner = f"{label[0].upper()}{label[1:]}: " if label else ""
-    if not left:
-        return f"{owner}{'all' if owner else 'All'} {len(names)} targets reached in {figures}"
-    state = f"{owner}{len(now.reached)} of {len(names)} targets, next: {left[0]}"
-    return f"{state}; {figures if now.duration else 'time starts with your first command'}"
-
-
 def session_score(live: LiveSession) -> Score | None:
     """Return the score of a session so far; None without rows."""
     assert live.catalog is not None
-    targets = live.catalog.targets
+    targets, controls = live.catalog.targets, live.catalog.controls
     try:
-        rows = live.read([targets["signal"]])
-    except RefusedError:
+        rows = live.read([targets["signal"], *(control.input for control in controls)])
+    except TwinError:  # of a folder that is finished there may be no recording
         return None
     if not len(rows.time):
         return None
-    return score(rows.time, np.asarray(rows.values[targets["signal"]], np.float64), targets, first_command(live))
+    begin = first_motion(rows.time, [(rows.values[control.input], control.rest) for control in controls])
+    return score(rows.time, np.asarray(rows.values[targets["signal"]], np.float64), targets, begin)
 
 
 def session_text(now: Score, catalog: Catalog) -> str:
     """Return a score of a session in words."""
     targets = catalog.targets
     signal = catalog.signals[targets["signal"].partition("[")[0]]
-    points = [point for scene in catalog.scenes for point in scene["points"]]
-    point_label = next((point["label"] for point in points if point["signal"] == targets["signal"]), "")
-    return text(now, targets, signal.factor, signal.display_unit, point_label)
+    label = point_label(catalog.scenes, targets["signal"])
+    return score_text(now, targets, signal.factor, signal.display_unit, label)
 
 
 def panel(context: PageContext, picture: Pictures) -> None:

@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from twin import clock
+from twin.errors import TwinError
 from twin.live import OVER, RefusedError
 from twin.results import Signals, evaluate
+from twin.run import warning_result
 from twin.scenario import lint
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from twin.results import Expectation, Expression, Metric, MetricResult
 
 WAITING, NOT_JUDGED, METRIC = "waiting", "not judged", ""
+REFERENCE = "; reference"  # of this variant, behind the value of a metric
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,7 @@ def metric_name(metric: Metric) -> str:
 def metric_row(result: MetricResult, is_final: bool) -> Row:
     """Return the row of a metric; one that is not final may still miss its reference, and is not failed."""
     metric = result.metric
-    reference = "" if result.paper is None else f"; reference {metric.shown(result.paper)}"
+    reference = "" if result.paper is None else f"{REFERENCE} {metric.shown(result.paper)}"
     is_judged = result.verdict == "pass" or (result.verdict == "fail" and is_final)
     detail = f"{metric.shown(result.mean, result.scale)}{reference}"
     return Row(result.verdict if is_judged else METRIC, metric_name(metric), detail, True)
@@ -141,17 +142,14 @@ def warning_rows(live: LiveSession) -> list[Row]:
         return []
     try:
         samples = live.read([warning["signal"] for warning in catalog.warnings])
-    except RefusedError:
+    except TwinError:
         return []
     rows = []
     for warning in catalog.warnings if len(samples.time) else ():
         signal = catalog.signals[warning["signal"].partition("[")[0]]
-        values = np.asarray(samples.values[warning["signal"]], np.float64).reshape(len(samples.time), -1).max(axis=1)
-        duration = catalog.every * int((values > warning["above"]).sum())
-        peak, limit = (signal.factor * value + signal.offset for value in (float(values.max()), warning["above"]))
-        figures = f"at most {peak:.4g} {signal.display_unit}, limit {limit:.4g} {signal.display_unit}"
-        detail = f"for {duration:.1f} s" if duration else "never"
-        rows.append(Row("fail" if duration else "pass", warning["text"], f"{detail}; {figures}" if limit else detail))
+        scale = signal.display_unit, signal.factor, signal.offset
+        result = warning_result(samples.time, samples.values[warning["signal"]], warning, scale)
+        rows.append(Row("fail" if result["duration"] else "pass", warning["text"], result["detail"]))
     return rows
 
 

@@ -3,7 +3,7 @@
 A page answers each tick with the held controls and the number of the tick, from which the server knows the age of a hold,
 including network delays. Messages are not trusted: see `PageMessages`. To the page:
 
-    {"tick", "stop", "phase", "time", "rate", "achieved", "lag", "epoch", "operator", "attend", "held", "values", "message",
+    {"tick", "stop", "phase", "time", "rate", "achieved", "lag", "epoch", "operator", "watching", "attend", "held", "values", "message",
      "dropped": the server has dropped this page, which reloads itself,
      "space": what moves in the shown scene in three dimensions, when it has changed}
 
@@ -81,7 +81,7 @@ class PageMessages:
             raise ValueError(f"expected one of {', '.join(sorted(KINDS))}.")
         kind = kinds[0]
         if kind in OPERATOR_KINDS and not self._console.operator_lock.is_operator(self._client):
-            raise ValueError("this page only watches. Another page operates.")
+            raise ValueError(self._console.operator_lock.watching)
         {
             "watch": self._watch,
             "space": self._space,
@@ -188,6 +188,7 @@ def tick_message(console: Host, client: str, tick: int, messages: PageMessages) 
     held = {name: value for activity in console.activities.values() for name, value in activity.held.items()}
     attend = any(activity.attended for activity in console.activities.values())
     page = {"tick": tick, "stop": console.stop_label, "operator": operator, "attend": attend}
+    page["watching"] = "" if operator else lock.watching
     page["dropped"] = client not in console.operator_lock.pages
     if live is None:
         return json.dumps({**page, "phase": "", "held": held})

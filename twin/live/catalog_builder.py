@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
-from twin.component import unit
 from twin.errors import CouplingError
 from twin.live.catalog import Catalog, CatalogControl, CatalogEvent, CatalogSignal
 from twin.results import si_conversion
-from twin.run import member_class, scene_data, start_values, targets_and_warnings
+from twin.run import display_conversion, member_class, scene_data, start_values, targets_and_warnings
 from twin.scenario import (
     EventSpec,
     connected,
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from twin.coupling import Catalog as Variables
-    from twin.coupling import CoSimulation, MemberVariable
+    from twin.coupling import CoSimulation
     from twin.scenario import Case, FaultSpec, ScenarioSpec
     from twin.scene import Scene
 
@@ -52,14 +51,6 @@ def recorded_names(case: Case, catalog: Variables, more: tuple[str, ...]) -> lis
         and (variable.causality == "output" or (variable.causality == "input" and f"{member}.{name}" not in targets))
     ]
     return list(dict.fromkeys([*wanted, *small]))
-
-
-def display_conversion(variable: MemberVariable) -> tuple[str, float, float]:
-    """Return display unit, factor and offset of a variable."""
-    if variable.display_unit and variable.unit:
-        with suppress(CouplingError):  # an FMU may have any text for a unit
-            return variable.display_unit, *unit.conversion(variable.unit, variable.display_unit, variable.name)
-    return variable.unit, 1.0, 0.0
 
 
 def catalog_of(

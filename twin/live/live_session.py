@@ -17,6 +17,7 @@ from concurrent.futures import TimeoutError as FutureTimeoutError
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Self
 
 from twin.errors import SimulationError, TwinError
@@ -106,12 +107,13 @@ class LiveSession:
         runs: Path | str = "runs",
         build: Path | str = "build",
         report: bool = False,
+        values: Mapping[str, Any] = MappingProxyType({}),
         wait: bool = True,
         form: str | None = None,
     ) -> Self:
         """Start the process of the loop; with `wait` return when it is ready, TwinError if it fails.
 
-        `record`: patterns in addition to the scenario's; `running`: not paused at the start; `hardware`, `arm`: as in `twin run`.
+        `record`: patterns in addition to the scenario's; `running`: not paused at the start; `values`: set at the start as by `set`; `hardware`, `arm`: as in `twin run`.
         """
         if os.name == "nt":
             raise TwinError(
@@ -144,6 +146,7 @@ class LiveSession:
             "runs": str(runs),
             "build": str(build),
             "report": report,
+            "values": dict(values),
         }
         live = cls(process, ours, job)
         if wait:
@@ -294,14 +297,31 @@ class LiveSession:
         """Set the ratio of simulated to wall-clock time: 0.1 to 10, or inf; at most 1 for a scenario with controls."""
         self._request("pace", rate=rate)
 
-    def reset(self) -> None:
-        """Restart from the beginning, paused, in a new folder; the folder of the previous run is completed."""
+    def reset(self, values: Mapping[str, Any] = MappingProxyType({})) -> None:
+        """Restart paused from the beginning, in a new folder, with `values` as by `set`; the folder of the run before is completed."""
         before = self.state.epoch
-        self._request("reset")
+        self._request("reset", values=dict(values))
         with self._changed:
             self._changed.wait_for(lambda: self.state.epoch > before or self.state.phase == "failed")
         if self.state.epoch == before:
             raise TwinError(self._problems or ["reset: failed."])
+
+    @property
+    def changed_values(self) -> dict[str, Any]:
+        """Parameters and inputs without a control that the operator has set in this run, other than they begin."""
+        catalog, values = self.catalog, self.state.values
+        if catalog is None:
+            return {}
+        sets = (each.text.removeprefix("set ") for each in self.done if each.by_operator and each.kind == "set")
+        companions = {name for control in catalog.controls for name in control.along}
+        changed = {}
+        for name in dict.fromkeys(text.partition(" = ")[0] for text in sets):
+            signal = catalog.signals.get(name.partition("[")[0])
+            if signal is not None and signal.settable and name in values and name not in companions:
+                changed[name] = values[name]
+        return {
+            name: value for name, value in changed.items() if value != getattr(catalog.signals.get(name), "start", None)
+        }
 
     def set(self, name: str, value: Any) -> None:
         """Set a tunable parameter, or a free input without a control."""

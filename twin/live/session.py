@@ -62,12 +62,13 @@ class Session:
         self.drives: Drives | None = None
         self.epoch = 0
         self.phase = "starting"
-        self.ending = self.again = self.gone = False
+        self.ending = self.again = self.gone = self.killed = False
         self.folder = ""
         self.left: int | None = None  # remaining communication steps while paused
         self.stepping: int | None = None  # number of the step command
         self.priority = LoopPriority()
         self._last_status_time = self._last_drive_status_time = -inf
+        self.first_values: dict[str, Any] = {}  # set at the start, as an operator would
         self._message, self.shown_message = 0, ""
         self._executor: CommandExecutor | None = None
 
@@ -102,6 +103,8 @@ class Session:
         self.along = {control.input: dict(control.along) for control in self.session_scenario.console}
         for spec in case.conditions:
             file.add(spec)
+        if not wall_clock:
+            self._executor.set_first(self.first_values)
         self._met = 0  # conditions that were noted
         self.dead_man = DeadManSwitch(SIMULATED_HOLD if self.drives is None else HOLD)
         self.given, self._next, self.wall_clock, self.expired_holds = dict[str, Any](), 0, wall_clock, set[str]()
@@ -191,9 +194,11 @@ class Session:
             ]
             end, what = clock.seconds(max(edges, default=0)), "of what is required"
         time = clock.seconds(self.simulated.time)
+        if self.killed and executor.catalog.controls:
+            return f"ended at {time:g} s: the console was killed.", False
         if time >= end:
             return "", False
-        cause = "its console was closed" if self.gone else "the operator ended it"
+        cause = "the console was killed" if self.killed else "the operator ended it"
         return f"ended early, at {time:g} s: {cause} before the end {what}, {end:g} s.", not executor.catalog.controls
 
     def begin_pace(self) -> None:
@@ -297,9 +302,14 @@ class Session:
             for message in self.channel.receive(timeout):
                 self.answer(message)
         except ClosedError:
-            self.gone = self.ending = True
+            self.lose_channel()
         if self.ending:
             self.dead_man.release_hold()
+
+    def lose_channel(self) -> None:
+        """End the session since the channel is closed; without a stop command before, the console was killed."""
+        self.killed = self.killed or not self.ending
+        self.gone = self.ending = True
 
     def answer(self, message: dict[str, Any]) -> None:
         """Execute a message, and answer it if it has a number."""
@@ -332,7 +342,7 @@ class Session:
         try:
             self.channel.send(**message)
         except ClosedError:
-            self.gone = self.ending = True
+            self.lose_channel()
 
     def say(self, text: str) -> None:
         """Send a message to the operator."""
@@ -386,7 +396,7 @@ class Session:
                 self._last_drive_status_time = instant
                 self.channel.send_droppable(hardware=self.drive_status(self.drives))
         except ClosedError:
-            self.gone = self.ending = True
+            self.lose_channel()
 
     def drive_status(self, drives: Drives) -> dict[str, Any]:
         """Return the status of drives as plain data."""

@@ -38,6 +38,7 @@ class SessionProcess:
     def __init__(self, channel: Channel, job: dict[str, Any]) -> None:
         self.channel, self.job = channel, job
         self.session = Session(channel, checked_rate(job["rate"]), job["running"])
+        self.session.first_values = job.get("values", {})
         self.hardware: Hardware | None = None
         self.said = ""
 

@@ -17,6 +17,14 @@ from .coupling_report import check_stability as check_stability
 from .coupling_report import measure_profile as measure_profile
 from .event_table import event_rows as event_rows
 from .executor import run_scenario as run_scenario
+from .operator_result import Score as Score
+from .operator_result import display_conversion as display_conversion
+from .operator_result import first_motion as first_motion
+from .operator_result import point_label as point_label
+from .operator_result import score as score
+from .operator_result import score_text as score_text
+from .operator_result import session_verdict as session_verdict
+from .operator_result import warning_result as warning_result
 from .options import RunCallbacks as RunCallbacks
 from .options import RunOptions as RunOptions
 from .options import StudyCase as StudyCase

@@ -5,17 +5,21 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from twin.errors import SimulationError
 from twin.results import Journal, evaluate, fill_sentence, find_violations, link_latest
 from twin.results import run_folder as results
 from twin.run.cases import Hardware, RunResult, add_notes
 from twin.run.conditions import OCCURRENCES, condition_notes
+from twin.run.operator_result import operation_text, operator_requirements, operator_result, session_verdict
 
 if TYPE_CHECKING:
     from twin.scenario import Case
+
+OPERATED = "operated.yaml"  # a folder with this file is that of an operator's session
 
 
 def finalize_run(
@@ -35,6 +39,8 @@ def finalize_run(
         write_signals(result)
         result.evaluation = evaluate_result()
         run_cases = [case for case in cases if (case.variant, case.seed) in result.tables]
+        if (result.folder / OPERATED).exists():
+            add_operation(result, run_cases)
         add_notes(info, scenario.replaced_values({variant for variant, _ in result.tables}))
         add_notes(info, condition_notes(run_cases, info.extra.get(OCCURRENCES, ())))
         if hardware is not None:
@@ -47,6 +53,24 @@ def finalize_run(
         raise SimulationError(describe_write_error(result, journal, error)) from error
     journal.remove()
     link_latest(result.folder)
+
+
+def add_operation(result: RunResult, cases: Sequence[Case]) -> None:
+    """Add score, warnings and verdict of an operator's session; targets and warnings count as requirements."""
+    operation = dict[str, Any]()
+    for case in cases:  # a session has one
+        if (catalog := result.catalogs.get(case.variant)) is not None:
+            operation = operator_result(result.scenario, case, catalog, result.tables[case.variant, case.seed])
+    evaluation = result.evaluation
+    requirements = (*evaluation.expectation_results, *operator_requirements(operation))
+    result.evaluation = replace(evaluation, expectation_results=requirements)
+    verdicts = [each.verdict for each in evaluation.metric_results]
+    verdicts += [each.verdict for each in evaluation.expectation_results]
+    verdicts += ["fail" if warning["duration"] else "pass" for warning in operation.get("warnings", ())]
+    all_reached = not operation.get("targets", {}).get("missed")
+    verdict = session_verdict(verdicts, all_reached, result.run.status == "completed")
+    text = operation_text(operation)
+    result.run.extra = {**result.run.extra, "operation": {"verdict": verdict, "text": text, **operation}}
 
 
 def describe_write_error(result: RunResult, journal: Journal, error: OSError) -> str:

@@ -17,6 +17,7 @@ from twin.results import stream as streams
 from twin.run.cases import Progress, RunResult, add_notes, apply_analyses, noop, resolve_catalogs
 from twin.run.conditions import add_occurrences
 from twin.run.executor import INFO_FIELDS, NO_CALLBACKS, RunExecutor
+from twin.run.finalization import OPERATED
 from twin.run.options import RunCallbacks, RunOptions
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def restore_executor(
 
     data, folder = recording.header, recording.folder.parent
     options = replace(options, report=options.report and data["report"])
-    is_session = (folder / "operated.yaml").exists()  # its operator may have changed values
+    is_session = (folder / OPERATED).exists()  # its operator may have changed values
     data = {**data, "paper_applies": data["paper_applies"] and not is_session}
     scenario = with_texts(load_scenario(folder / "scenario.yaml"), data)
     catalogs: dict[str, Any] = {}

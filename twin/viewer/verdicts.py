@@ -96,16 +96,22 @@ class Verdicts:
         """Return all expectations in the order of the summary; failed ones are located in the signals."""
         outcomes = self.viewed.summary["expectations"]
         wanted = self.scenario.expectations if self.scenario else ()
+        operation = self.viewed.summary.get(
+            "operation", {}
+        )  # of an operator's session, whose own requirements come last
+        own = len(operation.get("warnings", ())) + ("targets" in operation)
+        outcomes, added = outcomes[: len(outcomes) - own], outcomes[len(outcomes) - own :]
         if len(wanted) != len(outcomes):  # another version of the scenario
-            return [ExpectationView(outcome["name"], outcome["verdict"], outcome["detail"]) for outcome in outcomes]
+            return [ExpectationView(each["name"], each["verdict"], each["detail"]) for each in (*outcomes, *added)]
         bad = [
             expectation for expectation, outcome in zip(wanted, outcomes, strict=True) if outcome["verdict"] == "fail"
         ]
         failures = iter(self._failures(bad))  # names need not be unique
-        return [
+        judged = [
             self._judged(expectation, outcome, next(failures) if outcome["verdict"] == "fail" else None)
             for expectation, outcome in zip(wanted, outcomes, strict=True)
         ]
+        return [*judged, *(ExpectationView(each["name"], each["verdict"], each["detail"]) for each in added)]
 
     def metrics(self) -> list[dict[str, Any]]:
         """Return the metrics of the summary with their values as texts, and the signal and window of each."""

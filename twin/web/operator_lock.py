@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+NOT_OPERATOR = "This page only watches: another page operates."
+NO_OPERATOR = "No page operates. Press “operate here” at the top."
+
 
 @dataclass
 class OperatorLock:
@@ -37,6 +40,11 @@ class OperatorLock:
     def is_operator(self, client: str) -> bool:
         """Return whether a client is the operator."""
         return client == self.operator
+
+    @property
+    def watching(self) -> str:
+        """Why a page that is not the operator's moves nothing, and what to do."""
+        return NO_OPERATOR if self.operator is None else NOT_OPERATOR
 
     def hand_over(self, giver: str, taker: str) -> bool:
         """Make another page operator; return whether that was done."""

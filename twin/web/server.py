@@ -106,6 +106,7 @@ class Site:
             webbrowser.open(address)
         # NiceGUI reads the class of every garbage-collected object, which raises for one of canopen
         gc.freeze()
+        silence_shutdown()
         with suppress(KeyboardInterrupt):  # uvicorn raises the signal again at its end
             server = _stopping(self.stop)(config)
             for number in SIGNALS:  # uvicorn handles only SIGINT and SIGTERM
@@ -131,6 +132,11 @@ def ignore_malformed_messages() -> None:
             loop.default_exception_handler(context)
 
     asyncio.get_running_loop().set_exception_handler(handle)
+
+
+def silence_shutdown() -> None:
+    """Drop what NiceGUI logs on tasks that are busy when the server ends, such as the timers of an open page."""
+    logging.getLogger("nicegui").addFilter(lambda record: not str(record.msg).startswith("Could not cancel"))
 
 
 def _stopping(stop: Callable[[], None]) -> type[Server]:

@@ -16,6 +16,7 @@ from hw_bridge.command.running_card import TILES
 from hw_bridge.command.typed import Typed
 from twin import web
 from twin.errors import TwinError
+from twin.web import OperatorLock
 
 LIMITS = "{position: [-20 mm, 30 mm], velocity: 100 mm/s, acceleration: 4 m/s^2}"
 HOMING = ", homing: {method: 37, at: 4 mm}"
@@ -299,6 +300,7 @@ def test_only_the_operator_acts_and_errors_are_shown(typed, monkeypatch):
         raise TwinError("refused")
 
     runner = typed()
+    runner.console.operator_lock = OperatorLock("another")
     for operates, action in ((True, lambda: done.append(1)), (False, lambda: done.append(2)), (True, refused)):
         asyncio.run(Page(runner.console, lambda operates=operates: operates, runner).run_as_operator(action))
     assert (done, notes) == ([1], ["This page only watches: another page operates.", "refused"])

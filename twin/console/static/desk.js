@@ -65,11 +65,11 @@ export default {
               @pointerup="pull(one)" @pointercancel="pull(one)" @lostpointercapture="pull(one)">{{ one.kind === "hold" ? "+" : "press" }}</button>
     </div>
     <p v-if="!controls.length && !over" class="twin-soft">No joystick or buttons are defined for this scenario. Change parameters below, or add a <code>console:</code> section.</p>
-    <p v-else :class="stopped ? 'twin-warn' : 'twin-soft'" role="status">{{ over ? "The session is over" + (controls.length ? ": controls have no effect." : ".") : stopped ? "Stopped by the dead-man switch: this page answered too late. Release and hold again." : !operator ? watching : paused ? "Paused: press Run, then hold a control." : "Motion lasts while you hold a control." }}</p>
+    <p v-else :class="stopped || early ? 'twin-warn' : 'twin-soft'" role="status">{{ over ? "The session is over" + (controls.length ? ": controls have no effect." : ".") : !operator ? watching : paused ? "Paused: press Run, then hold a control." : early ? "Held since before Run: release and press again." : stopped ? "Stopped by the dead-man switch: this page answered too late. Release and hold again." : "Motion lasts while you hold a control." }}</p>
     <p v-if="pad && !over" class="twin-soft">{{ pad }}</p>
   </div>`,
   props: { controls: Array, session: Boolean },
-  data: () => ({ operator: false, watching: "Connecting ...", over: false, paused: false, held: {}, deflections: {}, dropped: 0, pad: "" }),
+  data: () => ({ operator: false, watching: "Connecting ...", over: false, paused: false, held: {}, deflections: {}, dropped: 0, early: false, pad: "" }),
   computed: {
     stopped() { return this.dropped > DROPPED; },
     sticks() {
@@ -109,12 +109,13 @@ export default {
       if (state.refused) return;
       this.over = this.session && ["finishing", "stopped", "failed"].includes(state.phase);
       this.operator = Boolean(state.operator) && !this.over;
-      this.watching = state.operator === null ? "No page operates: choose “operate here” in the menu at the top." : "This page only watches: another page operates.";
+      this.watching = state.watching;
       this.paused = state.phase === "paused";
       const held = JSON.stringify(state.held || {});
       if (held !== this.heldText) { this.heldText = held; this.held = state.held || {}; }
       const dropped = this.controls.some((one) => this.deflections[one.name] && !(one.input in this.held));
-      this.dropped = dropped && this.operator && (state.phase || !this.session) ? this.dropped + 1 : 0;
+      this.early = dropped && (this.paused || this.early);  // a press that began while paused moves nothing
+      this.dropped = dropped && !this.paused && this.operator && (state.phase || !this.session) ? this.dropped + 1 : 0;
       this.gamepad();
       this.hands.renewAll();
     },
@@ -154,7 +155,7 @@ export default {
     },
     push(event, one, way) { event.currentTarget.setPointerCapture(event.pointerId); this.hands.move(one.name, "button", way); },
     pull(one) { if (this.hands.held.get(one.name)?.has("button")) this.hands.move(one.name, "button", 0); },
-    at(one) { return one && !this.stopped ? this.deflections[one.name] || 0 : 0; },
+    at(one) { return one && !this.stopped && !this.early ? this.deflections[one.name] || 0 : 0; },
     short(key) { return key.replace(/^Key|^Digit/, "").replace("Arrow", "").replace(/^(Up|Down|Left|Right)$/, (way) => ({ Up: "↑", Down: "↓", Left: "←", Right: "→" })[way]); },
     figure(one) {
       const value = this.held[one.input];

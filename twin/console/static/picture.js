@@ -1,4 +1,4 @@
-// Animation of the machine: SVG views, moved with the values of each tick. Warnings are shown above it and felt in a gamepad.
+// Animation of the machine: SVG views, moved with the values of each tick. Warnings have a row above it and are felt in a gamepad.
 
 import { channel } from "/console/channel.js";
 import { drawViews, movingSignals } from "/web/views.js";
@@ -6,7 +6,7 @@ import { drawViews, movingSignals } from "/web/views.js";
 const RUMBLE = { duration: 200, strongMagnitude: 0.8, weakMagnitude: 0.4 };  // [ms], parts of the largest
 
 export default {
-  template: `<div class="twin-views"><p class="twin-warning" role="alert" v-show="warning">{{ warning }}</p></div>`,
+  template: `<div class="twin-views"><div class="twin-alert" v-if="warnings.length"><p class="twin-warning" role="alert" v-show="warning">{{ warning }}</p></div></div>`,
   props: { views: Array, warnings: Array, reached: Array },
   data: () => ({ warning: "" }),
   mounted() {

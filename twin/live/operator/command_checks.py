@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -138,6 +139,12 @@ class CommandExecutor:
         if signal is not None and signal.held and not signal.settable:
             raise RefusedError(f"{name}: moves only while held. Use its control.")
         self.execute("set", name, value)
+
+    def set_first(self, values: Mapping[str, Any]) -> None:
+        """Set the values that an operator has chosen in the run before, as far as this variant has them."""
+        for name, value in values.items():
+            with suppress(RefusedError):
+                self.set(name, value)
 
     def refuse_full(self) -> None:
         """Raise RefusedError if the operation log is full."""

@@ -50,6 +50,7 @@ def pause(session: Session, _: Message) -> None:
     session.end_stepping()
     if session.phase == "running":
         session.phase = "paused"
+        session.dead_man.release_hold()  # a control held through Run moves nothing
 
 
 def step(session: Session, message: Message) -> bool:
@@ -79,9 +80,13 @@ def pace(session: Session, message: Message) -> None:
     session.begin_pace()
 
 
-def reset(session: Session, _: Message) -> None:
-    """Restart from the beginning, in a new folder."""
+def reset(session: Session, message: Message) -> None:
+    """Restart from the beginning, in a new folder, with the `values` of the message."""
     refuse_wall_clock(session, "reset")
+    values = message.get("values", {})
+    if not isinstance(values, dict):
+        raise RefusedError("reset: values: expected names with their values.")
+    session.first_values = values
     session.ending = session.again = True
     session.running = False
 
@@ -129,7 +134,7 @@ def trigger(session: Session, message: Message) -> None:
 
 
 def hold(session: Session, message: Message) -> None:
-    """Renew the hold of an input; the input goes to rest if the value is refused."""
+    """Renew the hold of an input; it goes to rest if the value is refused, and its press ends while nothing runs."""
     name, press, instant = message["name"], message["press"], message["instant"]
     if isinstance(press, bool) or not isinstance(press, int) or not 0 <= press < 2**63:
         raise RefusedError(f"hold: {short(str(press))} is not the number of a press.")
@@ -141,6 +146,9 @@ def hold(session: Session, message: Message) -> None:
         if isinstance(name, str):
             session.dead_man.release_hold(name)
         raise
+    if session.phase != "running":
+        session.dead_man.end_press(name, rest, press)
+        return
     now = wall.monotonic()  # the same clock in all processes of a machine
     if session.dead_man.hold(name, value, rest, press, now - instant, now):
         session.confirm_hold(name)

@@ -44,6 +44,11 @@ class DeadManSwitch:
         held.value, held.press, held.until = value, press, now - max(age, 0.0) + self.longest
         return True
 
+    def end_press(self, name: str, rest: Any, press: int) -> None:
+        """Move an input to rest; this press moves it no more."""
+        self.inputs.setdefault(name, HeldInput(rest, rest)).press = press
+        self.release_hold(name)
+
     def release_hold(self, name: str = "") -> None:
         """Move one input, or all, to rest and end the press."""
         for held in [self.inputs[name]] if name in self.inputs else [] if name else self.inputs.values():

@@ -58,12 +58,21 @@ function verticalRange(chart, pane, series, from, to) {
   return near.length ? extent(series, from, to, near) : [low, high];
 }
 
+// Faint curves as far as they count for the vertical axis: by the size of the others, which they would flatten.
+function limited(faint, curves) {
+  let low = Infinity, high = -Infinity;
+  for (const { y } of curves) for (const value of y) { if (value < low) low = value; if (value > high) high = value; }
+  const size = low > high ? 0 : Math.max(high - low, Math.abs(low), Math.abs(high));
+  return size < 1e-9 ? faint : faint.map(({ x, y }) => ({ x, y: y.map((value) => Math.min(Math.max(value, low - size), high + size)) }));
+}
+
 const references = (pane) => [...(pane.band || []).map((y) => ({ y, name: "band" })), ...(pane.lines || []).map((y) => ({ y, name: "line" })), ...(pane.limits || []).map((one) => ({ ...one, name: "limit" }))];
 
 function drawPane(chart, context, pane, box) {
   const of = (name) => chart.data[name] || NOTHING, curves = pane.curves.map((curve) => of(curve.name));
   const logY = (pane.log || "").includes("y"), shown = logY ? curves.map(({ x, y }) => ({ x, y: y.map((value) => (value > 0 ? value : NaN)) })) : curves;
-  const more = pane.curves.flatMap((curve) => [curve.faint, curve.low, curve.high].filter(Boolean).map(of));
+  const more = pane.curves.flatMap((curve) => [curve.low, curve.high].filter(Boolean).map(of));
+  more.push(...limited(pane.curves.map((curve) => of(curve.faint)), curves));
   fitPane(chart, pane, box, shown, more);
   box.shown = shown;
   drawFrame(chart, context, pane, box);

@@ -1,0 +1,204 @@
+"""Result of an operator's session: score at reaching targets, warnings that were shown, and the verdict.
+
+The console shows the score while the session runs; the end of the run stores it in summary.json, section `operation`.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.component import unit
+from twin.coupling import find
+from twin.errors import CouplingError
+from twin.results import ExpectationResult
+from twin.run.recorded_views import scene_data, targets_and_warnings
+from twin.scenario import controls_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from twin.coupling import Catalog, MemberVariable
+    from twin.results import Signals
+    from twin.scenario import Case, ScenarioSpec
+
+
+@dataclass(frozen=True)
+class Score:
+    """Targets reached so far with their times, the length of the path, and the time until the last target or until now.
+
+    Times count from the first command [s], 0 before it; `path` is in the unit of the signal.
+    """
+
+    reached: Mapping[str, float]
+    path: float = 0.0
+    duration: float = 0.0
+
+
+def score(
+    time: NDArray[np.float64], values: NDArray[np.float64], targets: Mapping[str, Any], begin: float | None
+) -> Score:
+    """Score rows of the signal of `targets`: `time` of shape (rows,) [s], `values` of shape (rows, ...), from `begin` [s]."""
+    if begin is None or not len(time) or time[-1] <= begin:
+        return Score({})
+    is_scored = time >= begin
+    time, rows = time[is_scored], values.reshape(len(time), -1)[is_scored]
+    reached = {}
+    for name, point in targets["points"].items():
+        hits = np.flatnonzero(np.linalg.norm(rows - point, axis=1) <= targets["tolerance"])
+        if len(hits):
+            reached[name] = float(time[hits[0]] - begin)
+    is_complete = len(reached) == len(targets["points"])
+    end = max(reached.values()) if is_complete else float(time[-1] - begin)
+    path = rows[time <= begin + end]
+    return Score(
+        dict(sorted(reached.items(), key=lambda entry: entry[1])),
+        float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
+        end,
+    )
+
+
+def first_motion(time: NDArray[np.float64], inputs: Sequence[tuple[NDArray[Any], float]]) -> float | None:
+    """Return the time of the first row in which an input of a control is not at rest [s]; None before it.
+
+    `inputs`: rows and rest value of each control. Without controls: the start.
+    """
+    if not inputs:
+        return float(time[0])
+    moves = np.any([values.reshape(len(time)) != rest for values, rest in inputs], axis=0)
+    return float(time[np.argmax(moves)]) if moves.any() else None
+
+
+def score_text(now: Score, targets: Mapping[str, Any], factor: float, shown_unit: str, label: str = "") -> str:
+    """Return a score in words, the length of the path, forth and back, in the display unit. `label`: of what reaches them."""
+    names = list(targets["points"])
+    left = [name for name in names if name not in now.reached]
+    figures = f"{now.duration:.1f} s, path length {factor * now.path:.0f} {shown_unit}"
+    owner = f"{label[0].upper()}{label[1:]}: " if label else ""
+    if not left:
+        return f"{owner}{'all' if owner else 'All'} {len(names)} targets reached in {figures}"
+    state = f"{owner}{len(now.reached)} of {len(names)} targets, next: {left[0]}"
+    return f"{state}; {figures if now.duration else 'time starts with your first command'}"
+
+
+def point_label(scenes: Iterable[Mapping[str, Any]], signal: str) -> str:
+    """Return the label of the point that a signal moves in the scenes, or nothing."""
+    points = [point for scene in scenes for point in scene["points"]]
+    return next((str(point["label"]) for point in points if point["signal"] == signal), "")
+
+
+def warning_result(
+    time: NDArray[np.float64], values: NDArray[Any], warning: Mapping[str, Any], scale: tuple[str, float, float]
+) -> dict[str, Any]:
+    """Return for how long a warning was shown [s], and the largest value of its signal. `scale`: display unit, factor, offset."""
+    rows = np.asarray(values, np.float64).reshape(len(time), -1).max(axis=1)
+    every = float(time[1] - time[0]) if len(time) > 1 else 0.0
+    shown_unit, factor, offset = scale
+    duration = every * int((rows > warning["above"]).sum())
+    peak, limit = (factor * value + offset for value in (float(rows.max()), warning["above"]))
+    figures = f"at most {peak:.4g} {shown_unit}, limit {limit:.4g} {shown_unit}"
+    text = f"for {duration:.1f} s" if duration else "never"
+    return {
+        "text": warning["text"],
+        "signal": warning["signal"],
+        "unit": shown_unit,
+        "limit": limit,
+        "maximum": peak,
+        "duration": duration,
+        "detail": f"{text}; {figures}" if limit else text,
+    }
+
+
+def session_verdict(verdicts: Iterable[str], all_reached: bool, has_ended: bool) -> str:
+    """Return the verdict of a session from those of its requirements and warnings; empty if nothing is judged.
+
+    It passes only if all targets are reached and it did not end early.
+    """
+    judged = [verdict for verdict in verdicts if verdict in ("pass", "fail")]
+    if "fail" in judged:
+        return "failed"
+    if not all_reached:
+        return "targets left"
+    return "ended early" if not has_ended else "passed" if judged else ""
+
+
+def display_conversion(variable: MemberVariable) -> tuple[str, float, float]:
+    """Return display unit, factor and offset of a variable."""
+    if variable.display_unit and variable.unit:
+        with suppress(CouplingError):  # an FMU may have any text for a unit
+            return variable.display_unit, *unit.conversion(variable.unit, variable.display_unit, variable.name)
+    return variable.unit, 1.0, 0.0
+
+
+def operator_result(scenario: ScenarioSpec, case: Case, catalog: Catalog, signals: Signals) -> dict[str, Any]:
+    """Return the score and the warnings of a session from its rows, as plain data; empty without targets and warnings."""
+    targets, warnings = targets_and_warnings(scenario, catalog)
+    time, result = np.asarray(signals.time), dict[str, Any]()
+    if not len(time):
+        return result
+    if targets:
+        shown_unit, factor, _ = display_conversion(find(targets["signal"], catalog).variable)
+        controls = controls_of(scenario, case, catalog)
+        begin = first_motion(time, [(recorded_rows(signals, each.spec.input), each.rest) for each in controls])
+        now = score(time, recorded_rows(signals, targets["signal"]), targets, begin)
+        label = point_label((scene_data(scene) for scene in scenario.scenes), targets["signal"])
+        result["targets"] = {
+            "signal": targets["signal"],
+            "reached": dict(now.reached),
+            "missed": [name for name in targets["points"] if name not in now.reached],
+            "duration": now.duration,
+            "path": factor * now.path,
+            "unit": shown_unit,
+            "detail": score_text(now, targets, factor, shown_unit, label),
+        }
+    if warnings:
+        result["warnings"] = [
+            warning_result(
+                time,
+                recorded_rows(signals, warning["signal"]),
+                warning,
+                display_conversion(find(warning["signal"], catalog).variable),
+            )
+            for warning in warnings
+        ]
+    return result
+
+
+def recorded_rows(signals: Signals, name: str) -> NDArray[Any]:
+    """Return the rows of a signal or of an element of an array, such as `command.speed[1]`."""
+    base, _, index = name.partition("[")
+    if name in signals.values or not index:
+        return np.asarray(signals.values[name])
+    element: tuple[Any, ...] = (slice(None), *(int(i) - 1 for i in index.rstrip("]").split(",")))
+    rows: NDArray[Any] = np.asarray(signals.values[base])[element]
+    return rows
+
+
+def operator_requirements(operation: Mapping[str, Any]) -> list[ExpectationResult]:
+    """Return what an operator has to meet as requirements: all targets reached, no warning shown."""
+    targets = operation.get("targets")
+    results = []
+    if targets is not None:
+        count = len(targets["reached"]) + len(targets["missed"])
+        name = f"All {count} targets reached"
+        results.append(ExpectationResult(name, "fail" if targets["missed"] else "pass", targets["detail"]))
+    for warning in operation.get("warnings", ()):
+        verdict = "fail" if warning["duration"] else "pass"
+        results.append(ExpectationResult(f"No warning: {warning['text']}", verdict, warning["detail"]))
+    return results
+
+
+def operation_text(operation: Mapping[str, Any]) -> str:
+    """Return score and shown warnings in a line."""
+    targets = [operation["targets"]["detail"]] if "targets" in operation else []
+    shown = [
+        f"{warning['text']} {warning['detail'].replace(';', ',')}"
+        for warning in operation.get("warnings", ())
+        if warning["duration"]
+    ]
+    return "; ".join([*targets, *shown])
