@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 
 STOPPED = 130  # exit code after Ctrl-C, which STOP and Esc send
 WARNING = re.compile(r"^warning: ", re.MULTILINE)
-LOST_PAGE = re.compile(rf"{re.escape(PAGE_SILENT)} for \d+ ms: stopped\.\s*$")  # last, without a fault behind it
+LOST_PAGE = re.compile(
+    rf"{re.escape(PAGE_SILENT)} for \d+ ms: stopped\.( \S+: power is off \((?!Fault).*)?\s*$"
+)  # last, without a fault behind it
 
 
 class Outcome(Enum):

@@ -223,9 +223,9 @@ def test_a_file_that_is_wrong_is_told_before_anything_is_served(tmp_path):
 
 def test_what_is_filled_in_is_what_is_typed():
     steps = {one.word: one for one in STEPS}
-    assert options(steps["move"], {"by": " -1.5 mm ", "velocity": "", "homed": True, "arm": True}) == [
+    assert options(steps["move"], {"by": " -1.5 mm ", "velocity": "", "from-start": True, "arm": True}) == [
         "--by=-1.5 mm",
-        "--homed",
+        "--from-start",
     ]
     assert options(steps["jog"], {"acceleration": "0.5 m/s^2"}) == ["--acceleration=0.5 m/s^2"]
     assert settled("a\n\r1 mm\r2 mm") == "a\n2 mm"
@@ -356,7 +356,7 @@ def test_a_jog_says_what_it_does(typed, last, text):
 def test_a_move_needs_one_goal():
     (move,) = [one for one in STEPS if one.word == "move"]
     assert missing(move, {"by": "", "to": ""}) == missing(move, {"by": "1 mm", "to": "1 mm"}) != ""
-    assert missing(move, {"by": "1 mm"}) == missing(move, {"to": "1 mm", "homed": True}) == ""
+    assert missing(move, {"by": "1 mm"}) == missing(move, {"to": "1 mm", "from-start": True}) == ""
     assert missing(move, {"by": ""}) == "Fill in “by”."  # a drive without homing has no “to”
     assert "homed since power-on" in missing(move, {"to": "1 mm"})
 
