@@ -40,9 +40,14 @@ def outcome(word: str, code: int, text: str, has_moved: bool) -> Outcome:
         return Outcome.DONE
     if code == STOPPED:
         return Outcome.NEUTRAL
-    if WARNING.search(text) or not LOST_PAGE.search(" ".join(text.split())):
+    if not has_lost_page(text):
         return Outcome.FAILED
     return Outcome.DONE if word == "jog" and has_moved else Outcome.NEUTRAL
+
+
+def has_lost_page(text: str) -> bool:
+    """Whether a command ended because its page was closed or silent, without a warning."""
+    return not WARNING.search(text) and bool(LOST_PAGE.search(" ".join(text.split())))
 
 
 class StepProgress:

@@ -105,7 +105,7 @@ class SingleAxisSession:
                     self.master.notes += self.master.fault_texts
 
     def _count_from_reference(self, keys: NodeKeys) -> None:
-        """Use the reference of a drive that was homed since power-on."""
+        """Use the reference of a drive that was homed before."""
         node = self.node
         node.origin = -keys.homing.at if keys.homing is not None else 0.0
         node.target_position = node.position
