@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 PAGE = "hw_bridge.attendance"  # of click's context
 SERIAL = "hw_bridge.serial"  # of click's context
 REFERENCE, START = "reference", "start"  # what positions count from, where the command line says so
-KEPT = "The reference is kept."  # after a stop; a page then keeps its step `home`
+REFERENCE_VALID = "The reference is kept."  # after a stop; a page then keeps its step `home`
 LINE_PERIOD = 100_000_000  # of the line with live values [ns]
 LIVE_VALUES = re.compile(  # what `show_live` prints for a page
     r"(?P<mark>[<> ]) position +(?P<position>\S+) (?P<unit>\S+) (?P<origin>[a-z ]+), velocity +(?P<velocity>\S+ \S+), "
@@ -176,12 +176,14 @@ def single_axis_session(
         except KeyboardInterrupt:
             say()  # a jog leaves its last line open
             say(f"{name}: stopped, in {session.node.state}.")
-            say(save_reference(session, reference, homes or keeps) or KEPT)
+            say(save_reference(session, reference, homes or keeps) or REFERENCE_VALID)
             raise
         except SimulationError as error:
             if page is not None:
                 say()  # the error does not overwrite the last live values
-            text = save_reference(session, reference, homes or keeps) or (KEPT if session.node.has_reference else "")
+            text = save_reference(session, reference, homes or keeps) or (
+                REFERENCE_VALID if session.node.has_reference else ""
+            )
             raise SimulationError(f"{error}{after_stop(session, text, bus.hardware)}") from error
         finally:
             for text in session.master.recovered:
