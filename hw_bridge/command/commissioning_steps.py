@@ -35,9 +35,12 @@ class Entry:
     per: str | None = ""
 
 
-BY, TO = Entry("by", "by"), Entry("to", "to (homed)")
+BY, TO = Entry("by", "by"), Entry("to", "to (from home)")
 VELOCITY, ACCELERATION = Entry("velocity", "speed", "/s"), Entry("acceleration", "acceleration", "/s^2")
-DISTANCE, HOMED = Entry("distance", "at most, each way"), Entry("homed", "homed since power-on", None)
+DISTANCE, FROM_START = (
+    Entry("distance", "at most, each way"),
+    Entry("from-start", "count from here, not from home", None),
+)
 
 
 @dataclass(frozen=True)
@@ -94,14 +97,14 @@ STEPS = (  # in the order of the first-motion page
         "jog",
         "power on for a jog",
         "Then it moves while you hold a button or an arrow key.",
-        (VELOCITY, ACCELERATION, DISTANCE, HOMED),
+        (VELOCITY, ACCELERATION, DISTANCE, FROM_START),
         after="direction",
     ),
     Step(
         "move",
         "move",
         "Goes there with a ramp, rests, and is disabled.",
-        (BY, TO, VELOCITY, ACCELERATION, HOMED),
+        (BY, TO, VELOCITY, ACCELERATION, FROM_START),
         after="jog",
     ),
     Step("home", "home", "", after="jog"),
@@ -116,7 +119,7 @@ STEPS = (  # in the order of the first-motion page
 ANY_TIME = (
     Step("reset", "reset", "Tells what a drive in Fault says of its cause, then resets it. Power stays off."),
     Step("restore", "restore", "Writes back what an interrupted command or run has left changed in the drive."),
-    Step("enable", "enable", "Power on, the position held until End.", (HOMED,)),
+    Step("enable", "enable", "Power on, the position held until End.", (FROM_START,)),
     Step("disable", "disable", "Quick stop and power off, for a drive that another program left on."),
 )
 
@@ -184,7 +187,7 @@ def missing(step: Step, values: dict[str, Any]) -> str:
     by, to = (str(values.get(entry.option) or "").strip() for entry in (BY, TO))
     if bool(by) == bool(to):
         return "Fill in either “by” or “to”." if TO.option in values else "Fill in “by”."
-    return f"“to” needs a home position: {HOMED.label}." if to and not values.get("homed") else ""
+    return f"“to” counts from home: clear “{FROM_START.label}”." if to and values.get(FROM_START.option) else ""
 
 
 def quantity(entry: Entry, text: str, unit: str = "m") -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.options import paragraph, table
+from hw_bridge.command.bench.options import OptionError, paragraph, table
 from hw_bridge.commission import (
     DUPLICATE_ID,
     SdoSession,
@@ -38,6 +38,14 @@ __all__ = ["bench_network", "command", "compare_bus", "profile_title_of"]
 WRITE_HEAD = ("object", "name", "before", "after", "why")
 RAW = re.compile(r" \([^()]*\)$")  # value in the drive's own unit, behind a quantity
 PDO_OBJECT = re.compile(r"1[4-9AB]")  # 1400h to 1BFFh
+
+HARDWARE = click.option(
+    "--hardware",
+    "-f",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="The same as FILE, as with other commands.",
+)
 
 COMMANDS = {  # file of hw_bridge.command.bench and what it does, in the order of commissioning
     "scan": ("look", "list the nodes: vendor, product, profile, state, errors"),
@@ -134,14 +142,19 @@ class Findings:
 
 
 @command.command("check", short_help="compare the bus with a hardware file")
-@click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
+@click.argument("file", type=click.Path(path_type=Path), metavar="FILE", required=False)
+@HARDWARE
 @click.option("--verbose", is_flag=True, help="Also reasons, the drive's own settings, and the effect of each limit.")
 @build_option
-def check(file: Path, verbose: bool, build: Path) -> None:
+def check(file: Path | None, hardware: Path | None, verbose: bool, build: Path) -> None:
     """Scan all node-IDs, identify each drive, compare with the hardware file. Nothing moves, nothing is written.
 
     Prints what differs, notes, and each object that a run writes, before and after. Exit code 1 if anything differs.
     """
+    if (file is None) == (hardware is None):
+        raise OptionError("Name the hardware file: twin hil check FILE, or -f FILE.")
+    file = file or hardware
+    assert file is not None
     keys = load(file)
     absent: dict[str, Collection[int]] = {}
     findings = compare_bus(keys, build, {name: axis(file, keys, name).rotary for name in keys.nodes}, absent)
@@ -202,10 +215,11 @@ def unready(master: Master, station: Node | ModuleNode) -> Findings:
     from hw_bridge.commission import inspect, limits, planned_rows, write_heading
     from hw_bridge.master import Node, setup
 
+    left = unrestored(master, station)
     plan = master.plan(station)
     rows = planned_rows(plan)
     findings = Findings(
-        [*plan.refused, *plan.problems],
+        [*left, *plan.refused, *plan.problems],
         [*plan.sizes(), *plan.notes],
         [(write_heading(plan, rows), brief(rows))],
         [(write_heading(plan, rows), [WRITE_HEAD, *rows])],
@@ -226,6 +240,32 @@ def unready(master: Master, station: Node | ModuleNode) -> Findings:
     return findings
 
 
+def unrestored(master: Master, station: Node | ModuleNode) -> list[str]:
+    """Return what a killed command has left: an error that is still told, and objects that its journal names.
+
+    The plan then begins from the values before that command, as the next run does.
+    """
+    from hw_bridge.commission import nvm, pending_error
+    from hw_bridge.master import Node, restoration, setup
+
+    problems = []
+    if isinstance(station, Node) and not setup.faults(station) and (text := pending_error(station)):
+        problems.append(f"{text} Reset it first: twin hil reset FILE")
+    if master.keys.simulated:
+        return problems
+    try:
+        left = nvm.unrestored_objects(station, restoration.folder_of(master.keys))
+    except SimulationError as error:  # it is damaged, or a running program holds it
+        return [*problems, str(error)]
+    station.unrestored = {change.address: change.before for change in left if change.before}
+    if left:
+        problems.append(
+            f"{station.name}: a killed command left {len(left)} objects as it wrote them. Reset, then restore them: twin hil "
+            f"restore {station.name} -f FILE. The next run does it first, too. `before` is the value that is restored."
+        )
+    return problems
+
+
 def brief(rows: Sequence[PlannedRow]) -> list[Sequence[str]]:
     """Return the rows without reasons and the drive's own numbers; the mapping of process data is one row."""
     mapping = [row.object for row in rows if PDO_OBJECT.match(row.object)]
@@ -239,16 +279,21 @@ def brief(rows: Sequence[PlannedRow]) -> list[Sequence[str]]:
 
 
 @command.command("reset", short_help="leave Fault, once the cause is known")
-@click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
+@click.argument("file", type=click.Path(path_type=Path), metavar="FILE", required=False)
 @click.argument("node", required=False, metavar="[NODE]")
+@HARDWARE
 @build_option
-def reset(file: Path, node: str | None, build: Path) -> None:
+def reset(file: Path | None, node: str | None, hardware: Path | None, build: Path) -> None:
     """Tell what each drive in Fault, or NODE alone, says (603Fh, 1003h), then reset it. Power stages stay off, nothing moves.
 
     A run never does this by itself. Exit code 1 if a drive is another one, or stays in Fault.
     """
     from hw_bridge.master import Master, restoration
 
+    if hardware is not None and node is None:  # the only argument is the node
+        file, node = hardware, None if file is None else str(file)
+    elif file is None or hardware is not None:
+        raise OptionError("Name the hardware file: twin hil reset FILE [NODE], or -f FILE [NODE].")
     keys = load(file)
     master = Master(keys, bench_network(keys, build))
     try:
@@ -275,7 +320,7 @@ def note_leftovers(node: Node, file: Path, folder: Path) -> None:
         return
     if left:
         paragraph(
-            f"note: {node.name}: {len(left)} objects hold what an interrupted run wrote: {', '.join(left)}. Restore them: "
+            f"note: {node.name}: {len(left)} objects hold what an interrupted run wrote: {', '.join(change.name for change in left)}. Restore them: "
             f"twin hil restore {node.name} -f {file}. The next run does it first, too."
         )
 

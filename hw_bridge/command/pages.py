@@ -306,7 +306,7 @@ def field(page: Page, command_step: Step, entry: Entry, values: dict[str, Any], 
         values[entry.option] = event.value
         page.update()
 
-    if entry in (steps.TO, steps.HOMED) and drive_axis.keys.homing is None:
+    if entry in (steps.TO, steps.FROM_START) and drive_axis.keys.homing is None:
         return
     if entry.per is None:
         ui.checkbox(entry.label, on_change=change).props("dense")

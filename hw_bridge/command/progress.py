@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 
 STOPPED = 130  # exit code after Ctrl-C, which STOP and Esc send
 WARNING = re.compile(r"^warning: ", re.MULTILINE)
-LOST_PAGE = re.compile(rf"{re.escape(PAGE_SILENT)} for \d+ ms: stopped\.\s*$")  # last, without a fault behind it
+LOST_PAGE = re.compile(
+    rf"{re.escape(PAGE_SILENT)} for \d+ ms: stopped\.( \S+: power is off \((?!Fault).*)?\s*$"
+)  # last, without a fault behind it
 
 
 class Outcome(Enum):
@@ -38,9 +40,14 @@ def outcome(word: str, code: int, text: str, has_moved: bool) -> Outcome:
         return Outcome.DONE
     if code == STOPPED:
         return Outcome.NEUTRAL
-    if WARNING.search(text) or not LOST_PAGE.search(" ".join(text.split())):
+    if not has_lost_page(text):
         return Outcome.FAILED
     return Outcome.DONE if word == "jog" and has_moved else Outcome.NEUTRAL
+
+
+def has_lost_page(text: str) -> bool:
+    """Whether a command ended because its page was closed or silent, without a warning."""
+    return not WARNING.search(text) and bool(LOST_PAGE.search(" ".join(text.split())))
 
 
 class StepProgress:

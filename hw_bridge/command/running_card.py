@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from hw_bridge.command.bench.single_axis import STOPPED_IN_STATE
 from hw_bridge.command.bench.step import SHOWN
-from hw_bridge.command.progress import STOPPED
+from hw_bridge.command.progress import STOPPED, has_lost_page
 from hw_bridge.command.state_watch import RETRY_PERIOD
 from hw_bridge.commission import HOLD
 from twin import web
@@ -210,6 +210,9 @@ def result(typed: Typed) -> tuple[str, str]:
             f"State of the drive: {state[1]}." if state else "It did not report the state of the drive: run status."
         )
         return "neutral", f"{what}: stopped by STOP or Esc. {drive_state}"
+    if has_lost_page(typed.text):
+        rest = " ".join(parts(typed)[1].split()).partition(": stopped. ")[2]
+        return "neutral", f"{what}: stopped: the page was closed. {rest}".rstrip()
     if code < 0:
         return "bad", (
             f"✗ {what}: was killed (signal {-code}) and restored nothing. A drive that it moved misses its heartbeat and stops "
@@ -243,8 +246,14 @@ def picture(page: Page) -> str:
 def listed(typed: Typed) -> str:
     """History of commands, the latest first."""
     rows = []
-    for begin_time, line, code in list(typed.done):
+    for (begin_time, line, code), output in zip(list(typed.done), list(typed.outputs), strict=False):
         clock = time.strftime("%H:%M:%S", time.localtime(begin_time))
-        failed = " <b>stopped</b>" if code == STOPPED else f' <b class="twin-bad">exit code {code}</b>' if code else ""
+        failed = (
+            " <b>stopped</b>"
+            if code == STOPPED or has_lost_page(output)
+            else f' <b class="twin-bad">exit code {code}</b>'
+            if code
+            else ""
+        )
         rows.append(f'<li><span class="twin-soft">{clock}</span> {escape(line)}{failed}</li>')
     return f'<ul class="twin-typed">{"".join(rows)}</ul>'

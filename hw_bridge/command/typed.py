@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hw_bridge.command.bench.motion import EXPIRED, READY
+from hw_bridge.command.bench.single_axis import REFERENCE_VALID
 from hw_bridge.command.commissioning_steps import FILE_INDEPENDENT
 from hw_bridge.command.live_motion import LiveMotion
 from hw_bridge.command.progress import STOPPED, StepProgress, outcome
@@ -257,7 +258,7 @@ class Typed:
         ):  # else the command may have read another file than the page shows
             result = outcome(self.word, code, self.text, self.motion.has_moved)
             self.progress.record(self.line, self.node, result)
-        if self.word in MOVES and code:
+        if self.word in MOVES and code and REFERENCE_VALID not in " ".join(self.text.split()):
             self.progress.forget(node=self.node, title=HOME)  # a motion that is cut short loses the reference
         page, self._page = self._page, None
         if page is not None:

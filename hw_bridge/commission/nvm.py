@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hw_bridge.commission.sdo_session import SdoSession
+    from hw_bridge.journal import ObjectChange
     from hw_bridge.master import Station
 
 SETTLE = 10 * MILLISECOND  # until a node is in the state that it was told [ns]
@@ -31,14 +32,14 @@ def store(node: Station, folder: Path | None = None) -> None:
     """
     if left := unrestored_objects(node, folder or bus_folder("", "", software=False)):
         raise SimulationError(
-            f"{node.name}: holds {len(left)} values that a run wrote and did not restore ({', '.join(left[:4])}"
+            f"{node.name}: holds {len(left)} values that a run wrote and did not restore ({', '.join(change.name for change in left[:4])}"
             f"{', ...' if len(left) > 4 else ''}). Restore them first: twin hil restore {node.number}"
         )
     _signed(node, STORE, SAVE, "stores no parameters")
 
 
-def unrestored_objects(node: Station, folder: Path) -> list[str]:
-    """Names of the objects that a run wrote and did not restore; SimulationError while a program holds the journal."""
+def unrestored_objects(node: Station, folder: Path) -> list[ObjectChange]:
+    """Objects that a run wrote and did not restore; SimulationError while a program holds the journal."""
     identity = restoration.identity_of(node)
     path = journal_path(folder, identity)
     if not path.exists():
@@ -47,7 +48,7 @@ def unrestored_objects(node: Station, folder: Path) -> list[str]:
     file = JournalFile(path, identity)
     try:
         journal.attach(file)
-        return [change.name for change in journal.changes.values()]
+        return [*journal.changes.values()]
     finally:
         journal.close()
 

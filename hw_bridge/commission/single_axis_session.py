@@ -105,12 +105,14 @@ class SingleAxisSession:
                     self.master.notes += self.master.fault_texts
 
     def _count_from_reference(self, keys: NodeKeys) -> None:
-        """Use the reference of a drive that was homed since power-on."""
+        """Use the reference of a drive that was homed before."""
         node = self.node
         node.origin = -keys.homing.at if keys.homing is not None else 0.0
         node.target_position = node.position
         node.entered_from = node.position  # it may come back from outside of the limits
-        setup.limit_positions(node)
+        low, high = node.keys.limits.position
+        if low <= node.position <= high:  # else the drive's own software limits would pull it in with a jump
+            setup.limit_positions(node)
 
     def mean_velocity(self) -> float:
         """Mean velocity since the last call [m/s or rad/s]: positions resolve slow motion that 606Ch rounds.

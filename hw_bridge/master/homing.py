@@ -172,6 +172,6 @@ class Homing:
         if abs(gone) > ROOM * room:
             raise SimulationError(
                 f"{node.name}: homing went {node.format_length(abs(gone))} and found nothing; the limits are "
-                f"{node.format_length(room)} apart. "
-                f"Check switches, method and direction."
+                f"{node.format_length(room)} apart. If the stroke is longer than the limits, move it away from the far end "
+                f"first (twin hil jog {node.name}). Else check switches, method and direction."
             )

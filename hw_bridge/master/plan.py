@@ -63,7 +63,7 @@ class WritePlan:
     def __init__(self, node: Station) -> None:
         self.node = node
         self.writes: list[PlannedWrite] = []
-        self.before: dict[Address, bytes] = {}
+        self.before: dict[Address, bytes] = dict(node.unrestored)
         self.refused: list[str] = []
         self.problems: list[str] = []  # why it cannot be moved
         self.notes: list[str] = []  # what it has not, and what acts instead

@@ -57,7 +57,7 @@ class Reference:
     def check(self, node: Node) -> None:
         """Raise SimulationError unless the drive's reference is still valid. Only reads."""
         if problem := self.problem(node):
-            raise SimulationError(f"{self.name}: --homed: {problem} Home it: twin hil home {self.name}")
+            raise SimulationError(f"{self.name}: no reference: {problem} Home it: twin hil home {self.name}")
 
     def problem(self, node: Node) -> str:
         """Return why the reference is not valid, or an empty string."""

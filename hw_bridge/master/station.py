@@ -50,6 +50,7 @@ class Station:
         self.mirror = Dictionary(profile.objects, keys.node)  # known values of the node
         self.sizes: dict[tuple[int, int], int] = {}  # bytes of its numbers as the node has them, not as the profile
         self.journal = Journal()  # of its objects that were written
+        self.unrestored: dict[tuple[int, int], bytes] = {}  # for a check: values before a killed run, by its journal
         self.consumer_entry = 1  # subindex of 1016h with this program's heartbeat
         self.sdo = SdoClient(keys.node, network.send, wait)
         self.in_simulated_time = not network.wall_clock

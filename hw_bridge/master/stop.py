@@ -205,6 +205,8 @@ class Stop:
         ):
             node.has_reference = False
             return
+        if node.keys.homing is None:  # a manual motion records it by itself
+            return
         try:
             Reference(self.master.keys, node.name, node.rotary).save(node)
         except (OSError, TwinError) as error:

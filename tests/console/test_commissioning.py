@@ -20,7 +20,7 @@ from hw_bridge.command.commissioning_steps import (
     unavailable,
 )
 from hw_bridge.command.pages import PANEL
-from hw_bridge.command.running_card import EXPIRED, jog_state, parts, result, state_text
+from hw_bridge.command.running_card import EXPIRED, jog_state, listed, parts, result, state_text
 from hw_bridge.command.typed import MOVES, settled
 from hw_bridge.commission import axis
 from hw_bridge.hardware import load
@@ -223,9 +223,9 @@ def test_a_file_that_is_wrong_is_told_before_anything_is_served(tmp_path):
 
 def test_what_is_filled_in_is_what_is_typed():
     steps = {one.word: one for one in STEPS}
-    assert options(steps["move"], {"by": " -1.5 mm ", "velocity": "", "homed": True, "arm": True}) == [
+    assert options(steps["move"], {"by": " -1.5 mm ", "velocity": "", "from-start": True, "arm": True}) == [
         "--by=-1.5 mm",
-        "--homed",
+        "--from-start",
     ]
     assert options(steps["jog"], {"acceleration": "0.5 m/s^2"}) == ["--acceleration=0.5 m/s^2"]
     assert settled("a\n\r1 mm\r2 mm") == "a\n2 mm"
@@ -241,6 +241,16 @@ def test_how_a_command_has_ended():
     typed = SimpleNamespace(word="jog", node="axis", text="error: no power.\nSwitch it on.\n", done=[(2.0, "", 1)])
     assert result(typed) == ("bad", "✗ jog axis: no power. Switch it on.")
     assert parts(typed)[0] == ""  # the sentence above the output has it
+    silent, left = (
+        "error: the operator's page has not answered for 502 ms: stopped.",
+        " axis: power is off (Ready), at 1 mm.",
+    )
+    typed.text, typed.outputs = silent + left, [silent + left]
+    assert result(typed) == ("neutral", f"jog axis: stopped: the page was closed.{left}")
+    assert "<b>stopped</b>" in listed(typed)
+    typed.text = f"warning: axis: does not stand.\n{silent}"
+    assert result(typed)[0] == "bad"
+    typed.text = ""
     typed.done[0] = (2.0, "", 130)
     assert result(typed) == (
         "neutral",
@@ -356,9 +366,9 @@ def test_a_jog_says_what_it_does(typed, last, text):
 def test_a_move_needs_one_goal():
     (move,) = [one for one in STEPS if one.word == "move"]
     assert missing(move, {"by": "", "to": ""}) == missing(move, {"by": "1 mm", "to": "1 mm"}) != ""
-    assert missing(move, {"by": "1 mm"}) == missing(move, {"to": "1 mm", "homed": True}) == ""
+    assert missing(move, {"by": "1 mm"}) == missing(move, {"to": "1 mm"}) == ""
     assert missing(move, {"by": ""}) == "Fill in “by”."  # a drive without homing has no “to”
-    assert "homed since power-on" in missing(move, {"to": "1 mm"})
+    assert "“to” counts from home" in missing(move, {"to": "1 mm", "from-start": True})
 
 
 def test_the_live_state_is_a_line_of_each_drive():

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hw_bridge.command.bench.options import NODE, on_a_bus, paragraph
-from hw_bridge.command.bench.single_axis import ARM, select_axis, single_axis_session
+from hw_bridge.command.bench.single_axis import ARM, ORIGIN, select_axis, single_axis_session
 from twin.cli import say
 from twin.errors import SimulationError
 
@@ -47,8 +47,11 @@ WRONG = (
     help="Greatest force, as a fraction of limits.force.",
 )
 @ARM
+@ORIGIN
 @on_a_bus
-def direction_command(bus: BusChoice, node: str, is_manual: bool, timeout: float, share: float, arm: bool) -> None:
+def direction_command(
+    bus: BusChoice, node: str, is_manual: bool, timeout: float, share: float, arm: bool, origin: str | None
+) -> None:
     """Push NODE with a slowly growing force to positive, then to negative positions, until it moved a few increments.
 
     No position or velocity loop is closed, so a wrong sign cannot make the drive run away. Nothing holds the axis
@@ -68,7 +71,7 @@ def direction_command(bus: BusChoice, node: str, is_manual: bool, timeout: float
     keys = axis.keys
     if not direction.can_push(keys.drive):
         raise SimulationError(f"{keys.drive.title} has no cst to push with. Use --by-hand, then a short jog.")
-    with single_axis_session(bus, axis, arm, forced=True) as session:
+    with single_axis_session(bus, axis, arm, origin=origin, forced=True) as session:
         results = direction.pushes(session, share * keys.limits.force)
         unit = "N m" if session.node.rotary else "N"
         for item in results:

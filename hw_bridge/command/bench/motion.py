@@ -11,7 +11,9 @@ import click
 from hw_bridge.command.bench.options import NODE, OptionError, on_a_bus, paragraph
 from hw_bridge.command.bench.single_axis import (
     ARM,
-    HOMED,
+    ORIGIN,
+    REFERENCE,
+    START,
     page_watchdog,
     select_axis,
     show_live,
@@ -59,11 +61,11 @@ def ramp(axis: Axis, velocity: str | None, acceleration: str | None) -> tuple[fl
 @click.command("move", context_settings={"ignore_unknown_options": True})
 @NODE
 @click.option("--by", metavar="DISTANCE", help="Distance from the present position: --by '1 mm', --by '-5 deg'.")
-@click.option("--to", metavar="POSITION", help="Target position; needs --homed.")
+@click.option("--to", metavar="POSITION", help="Target position; needs a reference (twin hil home).")
 @RAMP[0]
 @RAMP[1]
 @ARM
-@HOMED
+@ORIGIN
 @on_a_bus
 def move_command(
     bus: BusChoice,
@@ -73,7 +75,7 @@ def move_command(
     velocity: str | None,
     acceleration: str | None,
     arm: bool,
-    homed: bool,
+    origin: str | None,
 ) -> None:
     """Move NODE with a ramp, then stop and disable it. Give --by or --to.
 
@@ -82,16 +84,18 @@ def move_command(
 
     \b
     twin hil move servomotor --by "1 mm" -f my_bench.yaml --arm
-    twin hil move servomotor --to "-20 mm" --homed -f my_bench.yaml --arm
+    twin hil move servomotor --to "-20 mm" -f my_bench.yaml --arm
     """
     if (by is None) == (to is None):
-        raise OptionError("Say how far: --by '1 mm', or to where: --to '10 mm' with --homed.")
-    if to is not None and not homed:
-        raise OptionError("--to needs a reference: twin hil home first, then --homed. Or use --by.")
+        raise OptionError("Say how far: --by '1 mm', or to where: --to '10 mm'.")
+    if to is not None:
+        if origin == START:
+            raise OptionError("--to counts from the reference: use --by with --from-start.")
+        origin = REFERENCE
     axis = select_axis(bus, node)
     speed, rate = ramp(axis, velocity, acceleration)
     distance = axis.si(to, "--to") if to is not None else axis.si(by or "0", "--by")
-    with single_axis_session(bus, axis, arm, homed=homed) as session:
+    with single_axis_session(bus, axis, arm, origin=origin) as session:
         begin = session.node.position
         goal = distance if to is not None else begin + distance
         check_target(session, goal)
@@ -113,7 +117,8 @@ def check_target(session: SingleAxisSession, goal: float) -> None:
     if not low <= goal <= high:
         to_text = session.node.format_length
         raise SimulationError(
-            f"{session.node.name}: {to_text(goal)} is outside of limits.position, {to_text(low)} to {to_text(high)}."
+            f"{session.node.name}: {to_text(goal)} {session.origin} is outside of limits.position, {to_text(low)} to "
+            f"{to_text(high)}."
         )
 
 
@@ -127,7 +132,7 @@ def check_target(session: SingleAxisSession, goal: float) -> None:
     help="Greatest distance from the present position, to both sides.  [default: 10 mm or 11 deg]",
 )
 @ARM
-@HOMED
+@ORIGIN
 @on_a_bus
 def jog_command(
     bus: BusChoice,
@@ -136,7 +141,7 @@ def jog_command(
     acceleration: str | None,
     distance: str | None,
     arm: bool,
-    homed: bool,
+    origin: str | None,
 ) -> None:
     """Move NODE for as long as an arrow key is held: right to positive positions, left to negative ones. q ends it.
 
@@ -160,7 +165,7 @@ def jog_command(
             "limits.acceleration, "
             f"{axis.format_quantity(hardest, '/s^2')}; a jog has {1e3 * SLOWEST_STOP:.0f} ms. Go slower."
         )
-    with button() as held_button, single_axis_session(bus, axis, arm, homed=homed, paced=True) as session:
+    with button() as held_button, single_axis_session(bus, axis, arm, origin=origin, paced=True) as session:
         here, (low, high) = session.node.position, session.keys.limits.position
         session.ramp.acceleration = rate
         session.ramp.low = min(max(low, here - reach), here)

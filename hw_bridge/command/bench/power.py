@@ -9,7 +9,7 @@ import click
 from hw_bridge.command.bench.options import NODE, on_a_bus, table
 from hw_bridge.command.bench.single_axis import (
     ARM,
-    HOMED,
+    ORIGIN,
     assert_armed,
     hardware,
     page_watchdog,
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     "--for", "duration", type=click.FloatRange(0.0), metavar="S", help="End after this time [s].  [default: until q]"
 )
 @ARM
-@HOMED
+@ORIGIN
 @on_a_bus
-def enable_command(bus: BusChoice, node: str, duration: float | None, arm: bool, homed: bool) -> None:
+def enable_command(bus: BusChoice, node: str, duration: float | None, arm: bool, origin: str | None) -> None:
     """Switch NODE's power stage on and hold its position while this command runs.
 
     The drive never stays enabled: when this program ends, hangs or is killed, the drive misses its heartbeat and stops
@@ -42,7 +42,7 @@ def enable_command(bus: BusChoice, node: str, duration: float | None, arm: bool,
     axis = select_axis(bus, node)
     with (
         Keyboard.open_if_terminal() as keyboard,
-        single_axis_session(bus, axis, arm, homed=homed, paced=True) as session,
+        single_axis_session(bus, axis, arm, origin=origin, paced=True) as session,
     ):
         page = page_watchdog()
         ends = " q or Ctrl-C ends it." if page is None else ""
@@ -79,8 +79,8 @@ def home_command(bus: BusChoice, node: str, explain: bool, arm: bool) -> None:
     Refused if the method goes to one end while `at` is at the other, or if its speed is above the limit. If the drive has
     a torque limit, it is lowered while homing. Homing stops if force or velocity exceeds its limit, if the drive goes to
     the other end, or if it moves farther than the position limits are apart. A run homes in the same way. Afterwards the
-    drive moves inside the position limits. It keeps its reference until it is switched off; jog and move use the
-    reference with --homed.
+    drive moves inside the position limits. It keeps its reference until it is switched off; the other commands
+    count positions from it.
 
     \b
     twin hil home servomotor --explain -f my_bench.yaml

@@ -20,10 +20,12 @@ if TYPE_CHECKING:
     from hw_bridge.command.bench.options import BusChoice
     from hw_bridge.commission import Axis, PageWatchdog, SdoSession, SingleAxisSession
     from hw_bridge.hardware import HardwareKeys
-    from hw_bridge.master import Node
+    from hw_bridge.master import Node, Reference
 
 PAGE = "hw_bridge.attendance"  # of click's context
 SERIAL = "hw_bridge.serial"  # of click's context
+REFERENCE, START = "reference", "start"  # what positions count from, where the command line says so
+REFERENCE_VALID = "The reference is kept."  # after a stop; a page then keeps its step `home`
 LINE_PERIOD = 100_000_000  # of the line with live values [ns]
 LIVE_VALUES = re.compile(  # what `show_live` prints for a page
     r"(?P<mark>[<> ]) position +(?P<position>\S+) (?P<unit>\S+) (?P<origin>[a-z ]+), velocity +(?P<velocity>\S+ \S+), "
@@ -79,12 +81,22 @@ def ARM(command: Callable[..., Any]) -> Callable[..., Any]:  # noqa: N802 - besi
     return arm(page(serial(command)))
 
 
-HOMED = click.option(
-    "--homed",
-    is_flag=True,
-    help="The drive was homed since power-on (twin hil home): positions and limits "
-    "count from its reference.  [default: from its present position]",
-)
+def ORIGIN(command: Callable[..., Any]) -> Callable[..., Any]:  # noqa: N802 - beside the other options
+    """Options for what positions and limits count from, passed as one `origin`."""
+    homed = click.option(
+        "--homed",
+        "origin",
+        flag_value=REFERENCE,
+        help="Refuse to move unless the drive's reference (twin hil home) still holds.  [default: positions and limits "
+        "count from the reference where it holds, else from the present position]",
+    )
+    start = click.option(
+        "--from-start",
+        "origin",
+        flag_value=START,
+        help="Positions and limits count from the present position, although the drive was homed: the limits move along.",
+    )
+    return homed(start(command))
 
 
 def hardware(bus: BusChoice) -> HardwareKeys:
@@ -119,7 +131,7 @@ def single_axis_session(
     axis: Axis,
     arm: bool,
     *,
-    homed: bool = False,
+    origin: str | None = None,
     forced: bool = False,
     start: float = 0.0,
     homes: bool = False,
@@ -132,9 +144,9 @@ def single_axis_session(
     assert_armed(bus, arm)
     keys = hardware(bus)
     name = axis.name
-    if homed and axis.keys.homing is None:
+    if origin == REFERENCE and axis.keys.homing is None:
         raise SimulationError(
-            f"{bus.hardware}: nodes.{name} has no `homing`: --homed means nothing. Add it, or leave it out."
+            f"{bus.hardware}: nodes.{name} has no `homing`, so that the drive has no reference (--homed, --to)."
         )
     with bus.network() as network:
         sdo_session = SdoSession(network, keys.nodes)
@@ -144,28 +156,35 @@ def single_axis_session(
         if (page := page_watchdog()) is not None:
             say(identity_text(drive))
             assert_same_drive(drive)
-        if homed:
+        if origin == REFERENCE:
             reference.check(drive)
-        keeps = not homes and not reference.problem(drive)
+        keeps = not homes and not (problem := reference.problem(drive))
+        if not homes and axis.keys.homing is not None and not keys.simulated:
+            say_origin(name, origin, problem)
         reference.forget()
         session = SingleAxisSession(restrict_to_node(keys, name, homes), name, network, axis.rotary, forced)
+        session.node.has_reference = keeps  # until the stop, which finds whether it is lost
         session.paced = paced
         if page is not None:
             session.paced = True  # it is watched, and can be stopped
             session.master.attend = partial(attend, page, session)
         try:
-            with session.enabled(start, axis.keys if homed else None):
+            with session.enabled(start, axis.keys if keeps and origin != START else None):
                 yield session
-            if homes or keeps:
-                reference.save(session.node)
+            if text := save_reference(session, reference, homes or keeps):
+                say(f"{name}: {text}")
         except KeyboardInterrupt:
             say()  # a jog leaves its last line open
             say(f"{name}: stopped, in {session.node.state}.")
+            say(save_reference(session, reference, homes or keeps) or REFERENCE_VALID)
             raise
-        except SimulationError:
+        except SimulationError as error:
             if page is not None:
                 say()  # the error does not overwrite the last live values
-            raise
+            text = save_reference(session, reference, homes or keeps) or (
+                REFERENCE_VALID if session.node.has_reference else ""
+            )
+            raise SimulationError(f"{error}{after_stop(session, text, bus.hardware)}") from error
         finally:
             for text in session.master.recovered:
                 paragraph(text)
@@ -174,6 +193,49 @@ def single_axis_session(
     if session.master.notes:
         sys.exit(1)
     say(f"{name}: stopped and disabled.")
+
+
+def say_origin(name: str, origin: str | None, problem: str) -> None:
+    """Print what positions and limits count from, where that is not the reference."""
+    if problem:
+        paragraph(f"{name}: positions and limits count from here, an end stop may be nearer: {problem}")
+    elif origin == START:
+        paragraph(f"note: {name}: --from-start: positions and limits count from here, an end stop may be nearer.")
+
+
+def save_reference(session: SingleAxisSession, reference: Reference, expected: bool) -> str:
+    """Record the reference after a stop; return a sentence if it is lost although it was `expected`.
+
+    The stop has found whether the drive confirmed it, restarted, or reported an error of its sensor. After a Fault the
+    drive is homed again in any case.
+    """
+    from hw_bridge.dictionary import State
+
+    node = session.node
+    node.has_reference &= node.state not in (State.FAULT, State.REACTION)
+    if node.has_reference:
+        reference.save(node)
+        return ""
+    reference.forget()
+    return f"The reference is lost: twin hil home {node.name}" if expected else ""
+
+
+def after_stop(session: SingleAxisSession, reference: str, path: object) -> str:
+    """Return the state in which a failed motion has left the drive, and the next command; empty if it was never reached."""
+    from hw_bridge.dictionary import State, cia402
+
+    node = session.node
+    if not node.started:
+        return ""
+    if node.state not in cia402.AT_REST or session.master.notes:
+        return f" {node.name}: last state {node.state}. Check it before you touch it. {reference}".rstrip()
+    in_fault = node.state is State.FAULT
+    command = f"twin hil reset {path}" if in_fault else f"twin hil jog {node.name} -f {path}"
+    position = f"{node.format_length(node.position)} {session.origin}"
+    return (
+        f" {node.name}: power is off ({node.state}), at {position}. {reference}{' ' if reference else ''}"
+        f"Next, once the cause is removed: {command}"
+    )
 
 
 def attend(page: PageWatchdog, session: SingleAxisSession) -> None:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hw_bridge.command.bench.motion import check_target
 from hw_bridge.command.bench.options import NODE, on_a_bus, paragraph, table
-from hw_bridge.command.bench.single_axis import ARM, hardware, select_axis, single_axis_session
+from hw_bridge.command.bench.single_axis import ARM, ORIGIN, hardware, select_axis, single_axis_session
 from twin.cli import say
 from twin.errors import SimulationError
 
@@ -34,8 +35,11 @@ SHOWN = {"m": ("mm", 1e3), "rad": ("deg", 57.29577951308232)}
 )
 @click.option("--explain", is_flag=True, help="Fit the gains of the twin to the response; takes half a minute.")
 @ARM
+@ORIGIN
 @on_a_bus
-def step_command(bus: BusChoice, node: str, by: str | None, plot: Path, explain: bool, arm: bool) -> None:
+def step_command(
+    bus: BusChoice, node: str, by: str | None, plot: Path, explain: bool, arm: bool, origin: str | None
+) -> None:
     """Measure the step response of NODE, and draw it with that of the simulated drive of its profile.
 
     The target changes at limits.acceleration. A step at which the simulated drive exceeds a limit of the file is refused
@@ -61,7 +65,8 @@ def step_command(bus: BusChoice, node: str, by: str | None, plot: Path, explain:
         raise SimulationError(
             f"--by {axis.format_quantity(size)}: the simulated drive meets a limit: {error} Take less."
         ) from None
-    with single_axis_session(bus, axis, arm) as session:
+    with single_axis_session(bus, axis, arm, origin=origin) as session:
+        check_target(session, session.node.position + size)
         real = steps.response(session, size)
     curves = {axis.name: real}
     if explain:

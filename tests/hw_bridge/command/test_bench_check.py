@@ -1,6 +1,7 @@
 """`twin hil check` and `reset`: differences between a bus and a hardware file, without a bus."""
 
 import re
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,6 +14,7 @@ from hw_bridge.commission import planned_rows
 from hw_bridge.commission.bus_scan import DUPLICATE_ID, ScannedNode
 from hw_bridge.dictionary import State
 from hw_bridge.hardware import HardwareKeys, load
+from hw_bridge.journal import ObjectChange
 from hw_bridge.master import setup
 from hw_bridge.master.activity import active_drives
 from hw_bridge.master.plan import plan_drive
@@ -176,6 +178,34 @@ def test_what_a_run_would_write_is_shown(capsys):
     assert "limits.velocity" not in brief.partition("object ")[2]
 
 
+def test_what_a_killed_command_left_is_a_problem(monkeypatch, tmp_path):
+    """Its error and its journal come first; the values before it are those that are restored."""
+    node = unconnected_node(values={(0x6041, 0): WORDS[State.DISABLED], (0x1001, 0): 0x11}, objects={"6067h": 50})
+    keys = keys_of(node).model_copy(update={"simulated": False})
+    master = SimpleNamespace(keys=keys, plan=lambda station: plan_drive(station, 5 * MILLISECOND, 127))
+    node.server.dictionary.values[0x6067, 0] = 50  # as the killed command wrote it
+    left = [ObjectChange(0x6067, 0, b"\x07\0\0\0")]
+    monkeypatch.setattr("hw_bridge.commission.nvm.unrestored_objects", lambda *_: left)
+    findings = hil.unready(master, node)
+    assert findings.problems[0].startswith("axis: still tells an error (1001h is 11h)")
+    assert findings.problems[1].startswith(
+        "axis: a killed command left 1 objects as it wrote them. Reset, then restore"
+    )
+    before = next(row[2:4] for row in findings.tables[0][1] if row[0] == "6067h.0")
+    assert [text.partition(" ")[0] for text in before] == ["0.007", "0.05"]
+
+
+@pytest.mark.parametrize("words", [["check", "-f", "FILE"], ["reset", "-f", "FILE", "axis"], ["reset", "-f", "FILE"]])
+def test_the_hardware_file_is_an_option_too(monkeypatch, tmp_path, words):
+    opened = []
+    monkeypatch.setattr(hil, "load", lambda path: opened.append(path) or sys.exit(7))
+    line = [str(tmp_path / "b.yaml") if word == "FILE" else word for word in words]
+    assert CliRunner().invoke(hil.command, line).exit_code == 7
+    assert opened == [tmp_path / "b.yaml"]
+    for wrong in ([words[0]], [words[0], "a.yaml", "axis", "-f", "x"]):
+        assert CliRunner().invoke(hil.command, wrong).exit_code == 2
+
+
 def test_an_absurd_limit_is_a_problem():
     node = unconnected_node(values={(0x6041, 0): WORDS[State.DISABLED]}, limits={"velocity": "21 m/s"})
     master = SimpleNamespace(keys=keys_of(node), plan=lambda station: plan_drive(station, 5 * MILLISECOND, 127))
@@ -231,7 +261,7 @@ def test_a_drive_leaves_fault(capsys, values, problems, after, is_free, text):
 
 
 def test_what_is_not_restored_is_told_after_a_reset(capsys, monkeypatch, tmp_path):
-    left = {"axis": ["6083h.0", "1600h.1"], "other": []}
+    left = {"axis": [ObjectChange(0x6083, 0, b"\1"), ObjectChange(0x1600, 1, b"\1")], "other": []}
     monkeypatch.setattr("hw_bridge.commission.nvm.unrestored_objects", lambda node, _: left[node.name])
     for name in left:
         hil.note_leftovers(SimpleNamespace(name=name), Path("b.yaml"), tmp_path)

@@ -85,13 +85,13 @@ class Moves:
     [
         (["--by", "1 mm"], 0.002, 2e-3, 0.4),
         (["--by", "-21 mm"], -0.02, 2e-3, 0.4),
-        (["--to", "30 mm", "--homed", "--velocity", "80 mm/s", "--acceleration", "4 m/s^2"], 0.03, 0.08, 4.0),
+        (["--to", "30 mm", "--velocity", "80 mm/s", "--acceleration", "4 m/s^2"], 0.03, 0.08, 4.0),
     ],
 )
 def test_a_move(run, words, goal, speed, rate):
     text = run("move", "axis", *words)
     assert run.session.moves == [(pytest.approx(goal), pytest.approx(speed), pytest.approx(rate))]
-    assert run.session.opened == ("axis", False, {"homed": "--homed" in words})
+    assert run.session.opened == ("axis", False, {"origin": "reference" if "--to" in words else None})
     assert text == (
         f"axis: from 1.00 mm to {1e3 * goal:.2f} mm at {1e3 * speed:g} mm/s; positions count from start. "
         f"axis: is at {1e3 * goal + 0.01:.2f} mm, largest following error 0.25 mm."
@@ -102,10 +102,10 @@ def test_a_move(run, words, goal, speed, rate):
     ("words", "code", "text"),
     [
         ([], 2, "Say how far"),
-        (["--by", "1 mm", "--to", "1 mm", "--homed"], 2, "Say how far"),
-        (["--to", "1 mm"], 2, "--to needs a reference"),
-        (["--by", "-21.1 mm"], 1, "axis: -20.10 mm is outside of limits.position, -20.00 mm to 30.00 mm."),
-        (["--by", "29.1 mm"], 1, "axis: 30.10 mm is outside of limits.position, -20.00 mm to 30.00 mm."),
+        (["--by", "1 mm", "--to", "1 mm"], 2, "Say how far"),
+        (["--to", "1 mm", "--from-start"], 2, "--to counts from the reference"),
+        (["--by", "-21.1 mm"], 1, "axis: -20.10 mm from start is outside of limits.position, -20.00 mm to 30.00 mm."),
+        (["--by", "29.1 mm"], 1, "axis: 30.10 mm from start is outside of limits.position, -20.00 mm to 30.00 mm."),
         (["--by", "1"], 1, "--by: 1 has no unit. Write it with one, such as '1 mm'."),
     ],
 )
@@ -185,7 +185,7 @@ def test_a_jog_speeds_up_gently_and_stops_hard(run, held):
     positions = [0.001, *run.session.positions]
     speeds = [200 * (after - before) for before, after in itertools.pairwise(positions)]
     assert speeds == pytest.approx([2e-3, 4e-3, 6e-3, 0.0, -2e-3, 0.0], abs=1e-9)
-    assert run.session.opened == ("axis", False, {"homed": False, "paced": True})
+    assert run.session.opened == ("axis", False, {"origin": None, "paced": True})
 
 
 @pytest.mark.parametrize(("velocity", "fits"), [("80 mm/s", True), ("81 mm/s", False)])
@@ -244,7 +244,7 @@ def test_the_verdict_about_an_encoder(run, monkeypatch, pushes, code, texts):
     text = run("direction", "axis", code=code)
     assert [part in text for part in texts] == [True] * len(texts)
     assert forces == [pytest.approx(2.0)]  # 40 % of the limit
-    assert run.session.opened == ("axis", False, {"forced": True})
+    assert run.session.opened == ("axis", False, {"origin": None, "forced": True})
 
 
 @pytest.mark.parametrize(

@@ -135,13 +135,16 @@ def test_a_simulated_bench(typed, build):
         ("acceleration", "0.4 m/s^2", "up to 4 m/s^2"),
         ("at most, each way", "10 mm", "within the limits"),
         ("by", "", "a way that ends within -20 mm to 30 mm"),
-        ("to (homed)", "", "-20 mm to 30 mm"),
+        ("to (from home)", "", "-20 mm to 30 mm"),
         ("speed", "2 mm/s", "up to 80 mm/s"),
         ("acceleration", "0.4 m/s^2", "up to 4 m/s^2"),
         ("by", "0.5 mm", "-2.5 mm to 2.5 mm"),
     ]
-    homed, verbose = "homed since power-on", "also reasons, the drive's own settings, and the effect of each limit"
-    assert page.boxes == [verbose, homed, homed, "find the gains that explain a difference", homed]
+    start, verbose = (
+        "count from here, not from home",
+        "also reasons, the drive's own settings, and the effect of each limit",
+    )
+    assert page.boxes == [verbose, start, start, "find the gains that explain a difference", start]
 
 
 @pytest.mark.parametrize(

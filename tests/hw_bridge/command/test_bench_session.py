@@ -14,6 +14,7 @@ from hw_bridge.command.bench import single_axis, step
 from hw_bridge.command.bench.options import BusChoice
 from hw_bridge.command.can import command as can_command
 from hw_bridge.commission import Axis
+from hw_bridge.dictionary import State
 from hw_bridge.hardware import load
 from tests.hw_bridge.unconnected import unconnected_node
 from twin.errors import SimulationError
@@ -30,7 +31,7 @@ def session(tmp_path, monkeypatch):
     Over 60 lines: the replaced classes append to one list.
     """
     calls = []
-    state = SimpleNamespace(calls=calls, problem="", notes=[], recovered=[], page=None)
+    state = SimpleNamespace(calls=calls, problem="", notes=[], recovered=[], page=None, is_lost=False)
     network = SimpleNamespace()
 
     class Reference:
@@ -48,19 +49,26 @@ def session(tmp_path, monkeypatch):
             calls.append("forget")
 
         def save(self, node):
-            calls.append(("save", node))
+            calls.append(("save", node.name))
 
     class Session:
         def __init__(self, keys, name, bus, rotary, forced):
             calls.append(("session", list(keys.nodes), keys.nodes[name].homing is not None, rotary, forced))
             self.master = SimpleNamespace(recovered=state.recovered, notes=state.notes, attend=None)
-            self.node = "node"
+            self.node = SimpleNamespace(
+                name="axis", state=State.DISABLED, has_reference=False, started=True, position=0.02, format_length=str
+            )
+            self.origin, self.homes = "from reference", keys.nodes[name].homing is not None
 
         @contextmanager
         def enabled(self, start, homed):
             calls.append(("enabled", start, homed is not None, self.paced, self.master.attend))
-            yield self
-            calls.append("disabled")
+            self.node.has_reference |= self.homes  # as the master does when it has homed
+            try:
+                yield self
+            finally:
+                calls.append("disabled")
+                self.node.has_reference &= not state.is_lost
 
     @contextmanager
     def opened(self):
@@ -77,7 +85,7 @@ def session(tmp_path, monkeypatch):
     monkeypatch.setattr("hw_bridge.master.Reference", Reference)
     monkeypatch.setattr(single_axis, "check_before_power", lambda *given: calls.append(("checked", given[1].name)))
 
-    def enter(homing=True, inside=lambda: None, **options):
+    def enter(homing=True, inside=lambda opened: None, **options):
         file = tmp_path / "bench.yaml"
         file.write_text(FILE.replace("HOMING", HOMING if homing else ""))
         bus = BusChoice(file, None, None, 1_000_000, {}, None, tmp_path)
@@ -87,7 +95,7 @@ def session(tmp_path, monkeypatch):
         axis = Axis("axis", load(file).nodes["axis"], False)
         with context, single_axis.single_axis_session(bus, axis, False, **options) as opened:
             calls.append("inside")
-            inside()
+            inside(opened)
         return opened
 
     state.enter = enter
@@ -102,7 +110,8 @@ BEGIN = [("checked", "axis"), ("reference", "axis", False), "forget"]
     [
         ({}, "", True),  # a reference that is valid stays so
         ({}, "none", False),
-        ({"homed": True}, "", True),
+        ({"origin": "reference"}, "", True),
+        ({"origin": "start"}, "", True),
         ({"homes": True}, "none", True),
         ({"homes": True, "start": 0.004, "forced": True, "paced": True}, "", True),
     ],
@@ -110,14 +119,15 @@ BEGIN = [("checked", "axis"), ("reference", "axis", False), "forget"]
 def test_a_reference_is_forgotten_during_a_motion_and_kept_after_it(session, capsys, options, problem, is_kept):
     session.problem = problem
     session.enter(**options)
-    homed, homes = options.get("homed", False), options.get("homes", False)
+    homes, origin = options.get("homes", False), options.get("origin")
+    homed = not homes and not problem and origin != "start"
     assert session.calls == [
         *BEGIN,
         ("session", ["axis"], homes, False, options.get("forced", False)),
         ("enabled", options.get("start", 0.0), homed, options.get("paced", False), None),
         "inside",
         "disabled",
-        *[("save", "node")] * is_kept,
+        ("save", "axis") if is_kept else "forget",
         "closed",
     ]
     assert capsys.readouterr().out == "axis: stopped and disabled.\n"
@@ -126,14 +136,14 @@ def test_a_reference_is_forgotten_during_a_motion_and_kept_after_it(session, cap
 @pytest.mark.parametrize(
     ("homing", "problem", "text"),
     [
-        (False, "", "nodes.axis has no `homing`: --homed means nothing. Add it, or leave it out."),
-        (True, "axis: --homed: pushed", "axis: --homed: pushed"),
+        (False, "", "nodes.axis has no `homing`, so that the drive has no reference"),
+        (True, "axis: no reference: pushed", "axis: no reference: pushed"),
     ],
 )
 def test_a_drive_without_a_valid_reference_does_not_count_from_it(session, homing, problem, text):
     session.problem = problem
     with pytest.raises(SimulationError, match=text):
-        session.enter(homing, homed=True)
+        session.enter(homing, origin="reference")
     assert "inside" not in session.calls
     assert "forget" not in session.calls
 
@@ -145,23 +155,72 @@ def test_warnings_of_a_session_are_an_error_at_its_end(session, capsys):
         session.enter()
     assert caught.value.code == 1
     assert capsys.readouterr().out == "restored\nwarning: does not stand\n"
-    assert ("save", "node") in session.calls
+    assert ("save", "axis") in session.calls
 
 
-def test_a_motion_that_failed_leaves_no_reference(session, capsys):
-    session.notes.append("note")
+@pytest.mark.parametrize(
+    ("state", "is_lost", "problem", "end"),
+    [
+        (
+            State.DISABLED,
+            False,
+            "",
+            "The reference is kept. Next, once the cause is removed: twin hil jog axis -f FILE",
+        ),
+        (
+            State.DISABLED,
+            False,
+            "none",
+            "at 0.02 from reference. Next, once the cause is removed: twin hil jog axis -f FILE",
+        ),
+        (
+            State.DISABLED,
+            True,
+            "",
+            "lost: twin hil home axis Next, once the cause is removed: twin hil jog axis -f FILE",
+        ),
+        (State.FAULT, False, "", "lost: twin hil home axis Next, once the cause is removed: twin hil reset FILE"),
+        (
+            State.ENABLED,
+            True,
+            "",
+            "last state Operation enabled. Check it before you touch it. The reference is lost: twin hil home axis",
+        ),
+    ],
+)
+def test_a_motion_that_failed_says_how_it_left_the_drive(session, tmp_path, state, is_lost, problem, end):
+    session.is_lost, session.problem = is_lost, problem
 
-    def fail():
+    def fail(opened):
+        opened.node.state = state
         raise SimulationError("jammed")
 
-    with pytest.raises(SimulationError, match="jammed"):
+    with pytest.raises(SimulationError, match=r"^jammed axis: ") as caught:
         session.enter(inside=fail)
-    assert session.calls[-1] == "inside"
-    assert capsys.readouterr().out == "warning: note\n"
+    assert str(caught.value).endswith(end.replace("FILE", str(tmp_path / "bench.yaml")))
+    assert (("save", "axis") in session.calls) == ("kept" in end)
+
+
+def test_an_interrupted_motion_says_whether_the_reference_is_kept(session, capsys):
+    def interrupt(_opened):
+        raise KeyboardInterrupt
+
+    for is_lost, text in ((False, "The reference is kept."), (True, "The reference is lost: twin hil home axis")):
+        session.is_lost = is_lost
+        with pytest.raises(KeyboardInterrupt):
+            session.enter(inside=interrupt)
+        assert capsys.readouterr().out == f"\naxis: stopped, in Switch on disabled.\n{text}\n"
+
+
+def test_a_motion_that_failed_on_a_page_leaves_its_live_values(session, capsys):
+    def fail(_opened):
+        raise SimulationError("jammed")
+
+    session.notes.append("note")
     session.page = SimpleNamespace(look=None)
-    with pytest.raises(SimulationError, match="jammed"):
+    with pytest.raises(SimulationError, match="jammed axis: last state"):
         session.enter(inside=fail)
-    assert capsys.readouterr().out == "node 3 (drive axis): serial 7h\n\nwarning: note\n"  # the last live values stay
+    assert capsys.readouterr().out == "node 3 (drive axis): serial 7h\n\nwarning: note\n"
 
 
 @pytest.mark.parametrize(("expected", "is_refused"), [(None, False), ("1", False), ("2B", True)])
@@ -185,7 +244,7 @@ def test_a_page_is_looked_at_in_every_cycle_and_sees_live_values(session, monkey
     monkeypatch.setattr(single_axis, "show_live", lambda held, is_page: looks.append((held.node, is_page)))
     held = session.enter()
     held.master.attend()
-    assert looks == ["look", ("node", True)]
+    assert looks == ["look", (held.node, True)]
     assert held.paced
 
 
@@ -229,7 +288,7 @@ def stepped(tmp_path, monkeypatch):
     """Run `twin hil step`; responses have the figures of their name. `gains`, `differences`: what is found."""
     file = tmp_path / "bench.yaml"
     file.write_text(FILE.replace("HOMING", ""))
-    state = SimpleNamespace(gains={}, differences=[0.0, 0.0], taken=[], drawn=[])
+    state = SimpleNamespace(gains={}, differences=[0.0, 0.0], taken=[], drawn=[], goals=[])
 
     def response(name, rise=0.02, left=1e-5):
         values = {"rise": rise, "overshoot": 0.125, "settled": nan, "left": left}
@@ -244,12 +303,13 @@ def stepped(tmp_path, monkeypatch):
     @contextmanager
     def single_axis_session(bus, axis, arm, **more):
         profile = SimpleNamespace(motor=SimpleNamespace(resolution=8e-6))
-        yield SimpleNamespace(node=SimpleNamespace(profile=profile))
+        yield SimpleNamespace(node=SimpleNamespace(profile=profile, position=0.0))
 
     def explain(real, *_):
         return response("explained"), state.gains, state.differences
 
     monkeypatch.setattr(step, "single_axis_session", single_axis_session)
+    monkeypatch.setattr(step, "check_target", lambda _session, goal: state.goals.append(goal))
     monkeypatch.setattr("hw_bridge.commission.step.simulated", simulated)
     monkeypatch.setattr("hw_bridge.commission.step.response", lambda _, size: response("real", 0.0104, -2e-6))
     monkeypatch.setattr("hw_bridge.commission.step.explain", explain)
@@ -278,6 +338,7 @@ def test_a_step_is_shown_beside_that_of_the_twin(stepped):
     assert lines[4] == "step.svg: position and current over time.\n"
     assert stepped.taken == [("simulated", 0.2, {})]  # a tenth of the following error's limit
     assert stepped.drawn == [("step.svg", ["axis", "twin"], "mm", 1e3)]
+    assert stepped.goals == [pytest.approx(0.2e-3)]
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,14 @@ STEP = {step.title: step for step in STEPS}
         ("jog", 130, "interrupted", True, Outcome.NEUTRAL),  # STOP may mean that something was wrong
         ("jog", 1, SILENT, True, Outcome.DONE),
         ("jog", 1, SILENT, False, Outcome.NEUTRAL),
+        (
+            "jog",
+            1,
+            f"{SILENT.rstrip()} axis: power is off (Switch on disabled), at 1.00 mm from start.\n",
+            True,
+            Outcome.DONE,
+        ),
+        ("jog", 1, f"{SILENT.rstrip()} axis: power is off (Fault), at 1.00 mm from start.\n", True, Outcome.FAILED),
         ("move", 1, SILENT, True, Outcome.NEUTRAL),
         ("jog", 1, f"warning: axis: is in Fault.\n{SILENT}", True, Outcome.FAILED),
         ("jog", 1, f"{SILENT.rstrip()} axis: EMCY 8611h, following error.\n", True, Outcome.FAILED),

@@ -261,9 +261,13 @@ STEP = {(step.word, step.button): step for step in STEPS}
     ("step", "values", "words"),
     [
         (("direction", "by hand"), {}, ["--by-hand"]),
-        (("move", "move"), {"by": " 1 mm ", "velocity": "", "homed": True, "to": None}, ["--by=1 mm", "--homed"]),
-        (("move", "move"), {"homed": False, "acceleration": "2 m/s^2"}, ["--acceleration=2 m/s^2"]),
-        (("step", "step"), {"explain": True, "by": "-2e-4 m", "homed": True}, ["--by=-2e-4 m", "--explain"]),
+        (
+            ("move", "move"),
+            {"by": " 1 mm ", "velocity": "", "from-start": True, "to": None},
+            ["--by=1 mm", "--from-start"],
+        ),
+        (("move", "move"), {"from-start": False, "acceleration": "2 m/s^2"}, ["--acceleration=2 m/s^2"]),
+        (("step", "step"), {"explain": True, "by": "-2e-4 m", "from-start": True}, ["--by=-2e-4 m", "--explain"]),
     ],
 )
 def test_fields_become_options(step, values, words):

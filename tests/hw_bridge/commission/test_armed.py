@@ -172,7 +172,7 @@ def homes(bench, tmp_path):
 
 
 def move(run, to="-10 mm", code=0):
-    return run("move", "servomotor", "--to", to, "--velocity", "20 mm/s", "--homed", "--arm", code=code)
+    return run("move", "servomotor", "--to", to, "--velocity", "20 mm/s", "--arm", code=code)
 
 
 @pytest.mark.slow
@@ -191,7 +191,7 @@ def test_what_was_homed_counts_from_its_reference(homes, bench, name):
 def test_what_was_never_homed_is_refused(homes, bench, name):
     run = homes(name)
     said = move(run, code=1)
-    assert "--homed: " in said
+    assert "no reference: " in said
     assert "Home it: twin hil home servomotor" in said
     assert bench.drive.state is State.DISABLED
 
@@ -242,11 +242,34 @@ def test_a_motion_that_was_broken_off_is_homed_again(homes, bench):
 
 
 @pytest.mark.slow
-def test_a_motion_without_homed_keeps_the_reference(homes):
+@pytest.mark.parametrize("name", ["faulhaber_v3", "epos4"])
+def test_a_homed_drive_stays_in_its_limits_without_an_option(homes, tmp_path, name):
+    """The limits do not move along with the start of each command; --from-start says that they do."""
+    run, end = homes(name), 20
+    (tmp_path / "bench.yaml").write_text((tmp_path / "bench.yaml").read_text().replace("45 mm]", f"{end} mm]"))
+    run("home", "servomotor", "--arm")
+    run("move", "servomotor", "--to", f"{end - 5} mm", "--velocity", "20 mm/s", "--arm")
+    assert " from reference is outside of limits.position" in run("move", "servomotor", "--by", "6 mm", "--arm", code=1)
+    assert "positions count from reference" in run("move", "servomotor", "--by", "4.9 mm", "--arm")
+    assert "is outside of limits.position" in run("step", "servomotor", "--by", "0.15 mm", "--arm", code=1)
+    said = run("move", "servomotor", "--by", "2 mm", "--from-start", "--arm")
+    assert "--from-start: positions and limits count from here" in said
+    assert "from 0.00 mm to 2.00 mm" in said
+    said = run("move", "servomotor", "--by", "-3 mm", "--arm")  # from outside it may come back
+    assert f"from {end + 1}." in said
+
+
+@pytest.mark.slow
+def test_a_motion_that_the_program_stopped_keeps_the_reference(homes, bench):
     run = homes()
     run("home", "servomotor", "--arm")
-    run("move", "servomotor", "--by", "2 mm", "--arm")
-    assert "from -37.0" in move(run)
+    bench.bus.event_queue.at(
+        bench.bus.now + 2_000_000_000, lambda: bench.drive.axis.motor._views["rod_position"].__iadd__(5e-3)
+    )
+    said = run("move", "servomotor", "--to", "20 mm", "--velocity", "20 mm/s", "--arm", code=1)
+    assert "power is off (Switch on disabled), at " in said
+    assert "The reference is kept. Next" in said
+    assert "positions count from reference" in run("move", "servomotor", "--by", "-1 mm", "--arm")
 
 
 @pytest.mark.slow
@@ -264,4 +287,4 @@ def test_a_run_that_homes_otherwise_forgets_it(homes, bench, build, tmp_path, na
     master = Master(load(other), SimulatedNetwork(bench.bus))
     master.begin({"servomotor": 0.0})
     master.stop()
-    assert "--homed: it was homed with another `homing`" in move(run, code=1)
+    assert "no reference: it was homed with another `homing`" in move(run, code=1)

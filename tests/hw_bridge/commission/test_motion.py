@@ -172,15 +172,15 @@ def test_nothing_moves_unless_it_is_armed(run, tmp_path):
         (["--by", "1 deg"], "does not convert to m"),
         (["--by", "1 mm", "--velocity", "1 deg/s"], "does not convert to m/s"),
         ([], "Say how far"),
-        (["--to", "1 mm"], "needs a reference"),
+        (["--to", "1 mm", "--from-start"], "counts from the reference"),
         (["--by", "50 mm"], "is outside of limits.position, -45.00 mm to 45.00 mm"),
         (["--by", "1 mm", "--velocity", "300 mm/s"], "must be above 0 and at most 160 mm/s"),
         (["--by", "1 mm", "--acceleration", "4 m/s^2"], "at most 3 m/s^2"),
-        (["--to", "1 mm", "--homed"], "has no `homing`"),
+        (["--to", "1 mm", "--homed"], "has no `homing`, so that"),
     ],
 )
 def test_what_is_refused_before_it_moves(run, tmp_path, words, problem):
-    code = 2 if problem in ("Say how far", "needs a reference") else 1
+    code = 2 if problem in ("Say how far", "counts from the reference") else 1
     assert problem in " ".join(run("move", "axis", *words, "-f", written(tmp_path), code=code).split())
 
 

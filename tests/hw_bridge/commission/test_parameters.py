@@ -248,9 +248,7 @@ def test_the_commands(run, tmp_path):
     assert "has its defaults" in run("defaults", "1", "--yes", "--restart", "-f", FORCE)
     assert run("monitor", "--for", "0.3", "-f", FORCE).count("6041h Statusword") == 2
     assert "Which bus?" in run("scan", code=2)
-    assert "no node" in run("status", "7", "-f", FORCE, code=1) or "no answer" in run(
-        "status", "7", "-f", FORCE, code=1
-    )
+    assert "node 7 does not answer" in run("status", "7", "-f", FORCE, code=1)
     assert "Did you mean 'servomotor'" in run("status", "servomoter", "-f", FORCE, code=1)
 
 

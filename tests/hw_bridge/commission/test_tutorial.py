@@ -77,7 +77,7 @@ def run(line, folder, build, drive):
         return held(start, folder)
     process = subprocess.Popen(start, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     if "--by-hand" in words:
-        assert "Move it by hand" in process.stdout.readline()
+        assert any("Move it by hand" in text for text in process.stdout)  # behind the drive's identity
         inject = [
             "-m",
             "hw_bridge.drive",

@@ -106,7 +106,10 @@ def search(inverted=False, method=-3, word=WORDS[State.ENABLED], **more):
         ),
         (
             {"raw_position": -65_100},
-            "axis: homing went 66.10 mm and found nothing; the limits are 60.00 mm apart. Check switches, method and direction.",
+            (
+                "axis: homing went 66.10 mm and found nothing; the limits are 60.00 mm apart. If the stroke is longer than the limits, "
+                "move it away from the far end first (twin hil jog axis). Else check switches, method and direction."
+            ),
         ),
         ({"raw_position": -99_000, "word": WORDS[State.SWITCHED_ON]}, ""),
         ({"raw_position": -99_000, "word": WORDS[State.ENABLED] | 0x1000}, ""),

@@ -361,7 +361,7 @@ def test_a_reference_holds_while_the_drive_stands_where_it_was_left(kept):
         text = "" if is_near else f"6064h is {count} and was 5000 when it was left: it was switched off, or pushed."
         assert reference.problem(kept(at=count)[1]) == text
     with pytest.raises(
-        SimulationError, match=r"^axis: --homed: 6064h is 0 and was 5000 .* Home it: twin hil home axis$"
+        SimulationError, match=r"^axis: no reference: 6064h is 0 and was 5000 .* Home it: twin hil home axis$"
     ):
         reference.check(kept(at=0)[1])
     for count in (249, -249):

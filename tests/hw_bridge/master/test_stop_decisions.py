@@ -319,6 +319,7 @@ def references(monkeypatch):
 def test_a_reference_is_kept_only_if_the_count_is_certain(references, change, is_saved):
     node = drive(State.DISABLED, 1)
     node.has_reference, node.goal = True, State.DISABLED
+    node.keys = node.keys.model_copy(update={"homing": True})
     for name, value in change.items():
         setattr(node, name, value)
     Stop(RecordedMaster(node))._save_reference(node)
@@ -332,6 +333,7 @@ def test_a_reference_is_kept_only_if_the_count_is_certain(references, change, is
 def test_a_reference_that_cannot_be_recorded_is_reported(references):
     node = drive(State.DISABLED, 1)
     node.name, node.has_reference, node.goal = "full", True, State.DISABLED
+    node.keys = node.keys.model_copy(update={"homing": True})
     master = RecordedMaster(node)
     Stop(master)._save_reference(node)
     assert (references, node.has_reference) == ([], False)
