@@ -88,6 +88,7 @@ def test_what_is_known_before_and_after_a_study(tmp_path):
         "unit": "",
         "source": "assumed",
         "at_ns": None,
+        "display_unit": "",
     }  # as in the file
     assert {"study file", "scenario"} < before["inputs"].keys()
     outcome = outcome_of(study, tmp_path)
