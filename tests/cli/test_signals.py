@@ -38,7 +38,7 @@ COMMANDS = {
         ("patients.yaml", "--workers", "2", *BUILD),
         has_case,
         130,
-        r"interrupted: \d+ cases? (is|are) kept\. Continue with",
+        r"interrupted: \d+ finished cases? (is|are) kept\. Continue: ",
     ),
     "identify": (
         ("identify.yaml", "--starts", "50", "-o", "set.yaml", *BUILD),
