@@ -171,7 +171,7 @@ def test_it_stays_at_rest_until_it_is_pressed_anew(served, page):
         assert page.text_content(".twin-hands p[role=status]").startswith("Stopped by the dead-man switch")
         assert float(page.get_attribute(".twin-stick .knob", "cy")) == 0.0
         page.keyboard.up("ArrowUp")
-        page.get_by_text("press Run, then hold a control.").wait_for()
+        page.get_by_text("Motion lasts while you hold a control.").wait_for()
         press(page, watcher)
 
 

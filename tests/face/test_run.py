@@ -244,7 +244,7 @@ def test_plots_by_title_and_by_signals(run, tmp_path):
     for names in (("Place",), ("part.plce",), ("part.place + part.push",), ("part.row",), ("part.place +",)):
         with pytest.raises(twin.TwinError):
             run.plot(*names)
-    with pytest.raises(twin.TwinError, match="Known: plain"):
+    with pytest.raises(twin.TwinError, match="There are variants plain"):
         run.plot("Places", variants="none")
 
 

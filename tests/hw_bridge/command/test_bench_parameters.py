@@ -119,14 +119,15 @@ def test_a_dump_is_compared_and_restored(run, tmp_path):
     file = tmp_path / "a.dcf"
     text = run("dump", "axis", str(file))
     count = file.read_text(encoding="latin-1").count("ParameterValue=")
-    assert text == f"node 3 (axis): FAULHABER Motion Control V3.0, serial 1h a.dcf: {count} values of axis."
+    drive = "node 3 (axis): FAULHABER Motion Control V3.0, serial 1h"
+    assert text == f"{drive} a.dcf: {count} values of axis."
     assert count > 50
     assert "Baudrate=1000\n" in file.read_text(encoding="latin-1")
-    assert run("compare", "axis", str(file)) == "axis: all values equal a.dcf."
+    assert run("compare", "axis", str(file)) == f"{drive} axis: all values equal a.dcf."
     run.values[0x6083, 0] = 300
     text = run("compare", "axis", str(file), code=1)
     assert re.sub(r"-+ ", "", text) == (
-        "object name drive file 6083h.0 Profile acceleration 0.3 m/s^2 (300) 1 m/s^2 (1000)"
+        f"{drive} object name drive file 6083h.0 Profile acceleration 0.3 m/s^2 (300) 1 m/s^2 (1000)"
     )
     text = run("restore", "axis", str(file))
     assert text == f"changed: 6083h.0 Profile acceleration axis: 1 changed, 0 refused. {RAM}"
