@@ -225,7 +225,7 @@ def test_html() -> None:
         "✗ fail",
         "1 passed",
         "stays &lt;in&gt; band",
-        "--set a.k=3",
+        "<code>a.k 3</code>",
         "stiffness",
         "set a.k = 4 N/m",
         "None of its signals was recorded",
