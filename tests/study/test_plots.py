@@ -444,7 +444,8 @@ def test_sections_of_searches(tmp_path, drawn):
 def test_which_pictures_a_page_has(study, tmp_path, drawn):
     answers = Answers(cases_of(study))
     outcome = SimpleNamespace(study=study, cases=answers.cases, folder=tmp_path)
-    titles = ["Distribution", "plain, over heart.rate", "plain, over all factors"]
+    factors = ("heart.rate", "heart.scale", "bent end", "all factors")
+    titles = ["Distribution", *(f"plain, over {name}" for name in factors)]
     pictures = page.pictures(outcome, answers)
     assert {group: [title for title, *_ in own] for group, own in pictures.items()} == {
         "force_max": titles,

@@ -110,7 +110,7 @@ def show_metrics(comparison: Comparison, everything: bool) -> None:
         factor, offset = si_conversion(own[0].unit)
         values = [value * factor + offset for each in own for value in (each.first, each.second) if value is not None]
         formats[name] = (common_format(values, unit), factor, offset)
-    changes = [each for each in comparison.changes if not is_within(each, comparison.tolerance)]
+    changes = [each for each in comparison.changes if not is_small(each, comparison.tolerance)]
     rows = []
     for change in changes if everything else [each for each in changes if each.significance > 1][:MAX_LISTED]:
         shown, factor, offset = formats[change.metric]
@@ -125,7 +125,7 @@ def show_metrics(comparison: Comparison, everything: bool) -> None:
         say(f"and {len(changes) - len(rows)} more, {smaller}: use --all")
 
 
-def is_within(change: MetricChange, tolerance: float) -> bool:
+def is_small(change: MetricChange, tolerance: float) -> bool:
     """Whether the values of a metric differ by no more than the tolerance."""
     if change.change is None:
         return change.first is change.second

@@ -241,8 +241,8 @@ def start(variable: Variable | MemberVariable, everything: bool = False) -> str:
     if len(set(texts)) == 1:
         return texts[0]
     label = f" {unit(variable)}".rstrip()
-    whole = f"{', '.join(text.removesuffix(label) for text in texts)}{label}"
-    return whole if everything or len(whole) <= SHORT else f"{texts[0]}, ... (--all)"
+    full_text = f"{', '.join(text.removesuffix(label) for text in texts)}{label}"
+    return full_text if everything or len(full_text) <= SHORT else f"{texts[0]}, ... (--all)"
 
 
 def bounds(variable: Variable | MemberVariable) -> str:
