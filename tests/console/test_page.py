@@ -177,7 +177,7 @@ def test_keys_move_a_control_after_a_choice_in_a_list(page):
 def test_texts_that_change_move_no_button(page):
     """Requirements that are not met, messages, and a status with a late loop."""
     boxes = """[...document.querySelectorAll("button, .twin-stick, .q-select, .q-expansion-item")].filter((one) => one.offsetParent)
-        .map((one) => [one.textContent, ...["x", "y", "width"].map((key) => Math.round(one.getBoundingClientRect()[key]))])"""
+        .map((one) => ["x", "y", "width"].map((key) => Math.round(one.getBoundingClientRect()[key])))"""
     before = page.evaluate(boxes)
     page.evaluate(
         """() => {
