@@ -170,7 +170,8 @@ def test_the_steps_from_a_box_to_a_move(drive, page):
         assert page.get_by_role("button", name="move", exact=True).is_disabled()
         page.get_by_label("by", exact=True).locator("visible=true").first.fill("2 mm")
         page.get_by_role("button", name="move", exact=True).click()
-        said(page, "is at 2.00 mm")
+        said(page, "from -39.00 mm to -37.00 mm")  # from the reference
+        said(page, "is at -37.00 mm")
         said(page, "stopped and disabled")
         assert place_now(line, node) - begin == pytest.approx(2e-3, abs=0.1e-3)
         opened(page, "step")
@@ -224,7 +225,7 @@ def test_a_jog_that_its_dead_man_switch_has_ended_says_so(page):
     jogs(page)
     page.evaluate("setTimeout(() => { const end = Date.now() + 300; while (Date.now() < end); }, 0)")
     page.wait_for_selector("text=Stopped by the dead-man switch: this page answered later than 120 ms.")
-    page.wait_for_selector("text=Release the control and hold it again.")
+    page.wait_for_selector("text=Release and hold again.")
     said(page, "dead-man switch.")
     page.keyboard.up("ArrowRight")
     page.keyboard.down("ArrowLeft")
