@@ -404,6 +404,7 @@ def test_the_whole_stop_of_a_drive_that_obeys(references):
     """NMT, quick stop, disable, release, Pre-operational; then its reference."""
     node = drive(values={(0x6041, 0): WORDS[State.DISABLED]})
     node.homing, node.has_reference = True, True
+    node.keys = node.keys.model_copy(update={"homing": True})
     module = SimpleNamespace(resting=False, silent=0, release=lambda: "", number=9, nmt_state=None, started=True)
     master = RecordedMaster(node, action="SYNC.")
     master.modules["valves"] = master.stations["valves"] = module
