@@ -43,7 +43,7 @@ FOR = {
     "racs": "racs",
     "hysteresis": "hysteresis_identification",
     **dict.fromkeys(
-        ("faulhaber", "mclm", "epos4", "epos2"), "heart_wall_force"
+        ("first", "faulhaber", "mclm", "epos4", "epos2"), "heart_wall_force"
     ),  # of the first motion: any with a servomotor
 }  # second word of a bench: its scenario
 
