@@ -1,4 +1,7 @@
-"""Drives on the page: the commands of the bench as its buttons, and the safety view in words."""
+"""Drives on the page: the commands of the bench as its buttons, and the safety view in words.
+
+Over 400 lines: the steps of one page share its fixtures.
+"""
 
 import re
 import time

@@ -1,4 +1,7 @@
-"""Sections of the operator's panel on a page without a server: what they show, and what the session is asked to do."""
+"""Sections of the operator's panel on a page without a server: what they show, and what the session is asked to do.
+
+Over 400 lines: the panels of one session share its fixtures.
+"""
 
 from types import SimpleNamespace
 

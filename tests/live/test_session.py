@@ -1,4 +1,7 @@
-"""The loop of a session in this process: a script gives commands where the loop listens, and reads what it says."""
+"""The loop of a session in this process: a script gives commands where the loop listens, and reads what it says.
+
+Over 400 lines: one session and its commands serve all tests.
+"""
 
 import copy
 import math
