@@ -168,31 +168,39 @@ def single_axis_session(
         if page is not None:
             session.paced = True  # it is watched, and can be stopped
             session.master.attend = partial(attend, page, session)
-        try:
-            with session.enabled(start, axis.keys if keeps and origin != START else None):
-                yield session
-            if text := save_reference(session, reference, homes or keeps):
-                say(f"{name}: {text}")
-        except KeyboardInterrupt:
-            say()  # a jog leaves its last line open
-            say(f"{name}: stopped, in {session.node.state}.")
-            say(save_reference(session, reference, homes or keeps) or REFERENCE_VALID)
-            raise
-        except SimulationError as error:
-            if page is not None:
-                say()  # the error does not overwrite the last live values
-            text = save_reference(session, reference, homes or keeps) or (
-                REFERENCE_VALID if session.node.has_reference else ""
-            )
-            raise SimulationError(f"{error}{after_stop(session, text, bus.hardware)}") from error
-        finally:
-            for text in session.master.recovered:
-                paragraph(text)
-            for note in session.master.notes:
-                paragraph(f"warning: {note}")
+        with (
+            reported_end(session, reference, homes or keeps, bus.hardware),
+            session.enabled(start, axis.keys if keeps and origin != START else None),
+        ):
+            yield session
     if session.master.notes:
         sys.exit(1)
     say(f"{name}: stopped and disabled.")
+
+
+@contextmanager
+def reported_end(session: SingleAxisSession, reference: Reference, expected: bool, path: object) -> Iterator[None]:
+    """Print how the block ended: the drive's state and reference, what was recovered, and the master's warnings."""
+    name = session.node.name
+    try:
+        yield
+        if text := save_reference(session, reference, expected):
+            say(f"{name}: {text}")
+    except KeyboardInterrupt:
+        say()  # a jog leaves its last line open
+        say(f"{name}: stopped, in {session.node.state}.")
+        say(save_reference(session, reference, expected) or REFERENCE_VALID)
+        raise
+    except SimulationError as error:
+        if page_watchdog() is not None:
+            say()  # the error does not overwrite the last live values
+        text = save_reference(session, reference, expected) or (REFERENCE_VALID if session.node.has_reference else "")
+        raise SimulationError(f"{error}{after_stop(session, text, path)}") from error
+    finally:
+        for text in session.master.recovered:
+            paragraph(text)
+        for note in session.master.notes:
+            paragraph(f"warning: {note}")
 
 
 def say_origin(name: str, origin: str | None, problem: str) -> None:
