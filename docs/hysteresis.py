@@ -34,7 +34,7 @@ ROWS = {
     "Prandtl-Ishlinskii": (" PI", "prandtl_ishlinskii_error"),
     "Bouc-Wen as printed": (" BW", "bouc_wen_error"),
     "Bouc-Wen with a lag": (" rate BW", "rate_bouc_wen_error"),
-    "the same from the drive's target": (" rate BW+drive", "with_drive_error"),
+    "Bouc-Wen with a lag, fitted from the drive's target": (" rate BW+drive", "with_drive_error"),
 }
 
 

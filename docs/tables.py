@@ -173,7 +173,7 @@ def rig(outcomes: Mapping[str, RunResult]) -> str:
         [
             "largest tracking error over 500 mm with regripping, mean over speeds, catheter and guidewire",
             f"{', '.join(map(str, REGRIPPING.values()))} mm",
-            f"{plain} mm; with the filter's lag taken off {alike} mm",
+            f"{plain} mm; {alike} mm if both positions are filtered alike",
         ]
     ]
     turned = metrics["rotation"]["error"]["variants"].values()
