@@ -163,8 +163,10 @@ def fused(folder: Path) -> str:
     metrics = tuple(f"{name}_{kind}" for kind in ("rms", "error") for name in names)
     variants = ("abdomen", "diaphragm", "thorax", "arch")
     rows = [
-        "| tip | rms by Hall sensors | by shift | by both "
-        + "| runs in which the combination beats each measure alone | the same, at one instant |",
+        (
+            "| tip | rms by Hall sensors | by shift | by both "
+            "| runs in which the combination beats each measure alone | the same, at one instant |"
+        ),
         "|---|---|---|---|---|---|",
     ]
     for variant, own in many("travel_distance", variants, metrics, folder).items():
