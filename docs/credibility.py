@@ -211,7 +211,7 @@ def summary_of(name: str) -> dict[str, Any]:
 def validation() -> str:
     """Each published figure: S, D, E = S - D, and the spread over seeds, in multiples of which E is given."""
     rows = [
-        "| scenario, figure, variant | D, paper | S, twin | s over seeds | E = S - D | E / D | E / s | kind | comparator, use |",
+        "| scenario, figure, variant | D, paper | S, twin | s over seeds | E = S - D | E / D | abs(E) / s | kind | comparator, use |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for name in ROWS:

@@ -7,6 +7,7 @@ it, the engine, how plots are drawn. Two scenarios on a core each; the first tim
 from __future__ import annotations
 
 import os
+import re
 import tempfile
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
@@ -119,6 +120,7 @@ def span(one: MetricResult) -> str:
 
 
 def table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table in Markdown."""
+    """A table in Markdown; braces at the end of a cell are code, since they would be read as HTML attributes."""
     lines = [titles, ["---"] * len(titles), *rows]
-    return "\n".join(f"| {' | '.join(cell.replace('|', '&#124;') for cell in line)} |" for line in lines) + "\n"
+    cells = ([re.sub(r"({[^{}`]*})$", r"`\1`", cell.replace("|", "&#124;")) for cell in line] for line in lines)
+    return "\n".join(f"| {' | '.join(line)} |" for line in cells) + "\n"
