@@ -100,13 +100,17 @@ class Scenario:
         `stop_time`, `step`, `seeds`, ... `value`: text with a unit, a number in SI, a list or an array; for a component
         also a class. It applies to all variants, also where a variant sets the value: name the variant to change only this one.
         """
-        classes = dict(self._classes)
-        if isinstance(value, type):
-            text = reference(value, classes)
-            classes[text] = value
-            value = text
+        return self._with_values({name: value})
+
+    def _with_values(self, values: Mapping[str, Any]) -> Scenario:
+        classes, overrides = dict(self._classes), []
+        for name, value in values.items():
+            text = reference(value, classes) if isinstance(value, type) else override_text(value)
+            if isinstance(value, type):
+                classes[text] = value
+            overrides.append(f"{name}={text}")
         with python_option_names():
-            scenario = Scenario(changed(self.checked, [f"{name}={override_text(value)}"]), classes)
+            scenario = Scenario(changed(self.checked, overrides), classes)
             resolve_catalogs(scenario.checked)
         return scenario
 
@@ -253,10 +257,9 @@ def with_values(scenario: str | Path | Scenario | Run, values: Mapping[str, Any]
     """Return a scenario, or that of a run, with changed values."""
     if isinstance(scenario, Run):
         scenario = scenario.scenario
-    changed = scenario if isinstance(scenario, Scenario) else load(scenario)
-    for name, value in mapping(values, "values", '{"heart.rate": "1.4 Hz"}').items():
-        changed = changed.set(name, value)
-    return changed
+    original = scenario if isinstance(scenario, Scenario) else load(scenario)
+    changes = mapping(values, "values", '{"heart.rate": "1.4 Hz"}')
+    return original._with_values(changes) if changes else original
 
 
 def follow(

@@ -48,6 +48,7 @@ class Simulation:
             [] if backend is Backend.interpreted else sourceless(member.made for member in self._case.members.values())
         )
         self._failed = ""
+        self._set_keys: set[tuple[str, str]] = set()  # of variables that the person has set, and not overridden since
         self._signals: Signals | None = None
         self.rate = inf
         self._simulated = build_simulation(self._case, catalog, backend, build, MemoryRecorder(BUFFER_BYTES))
@@ -166,11 +167,17 @@ class Simulation:
             apply_event(self._events.pop(0), self._case, self._simulated, self._catalog)
 
     def __getitem__(self, name: str) -> Any:
-        """Return the current value of a variable or element `member.x[1]`, in its own unit: number, Boolean, text or array."""
+        """Return the current value of a variable or element `member.x[1]`, in its own unit: number, Boolean, text or array.
+
+        A parameter or input that was set has its new value at once; the member uses it from its next step.
+        """
         self._check_open()
         reference = self._find(name)
         variable = reference.variable
-        value = self._simulated.value(reference.key)
+        if reference.key in self._set_keys:  # published at the member's next step
+            value = np.asarray(self._simulated.members[reference.member].get(variable.name))
+        else:
+            value = self._simulated.value(reference.key)
         if variable.type == "Boolean":
             value = value.astype(np.bool_)  # a C int in FMI 2.0, a byte in an array
         if reference.element is not None:
@@ -183,7 +190,7 @@ class Simulation:
         return declaration
 
     def __setitem__(self, name: str, value: Any) -> None:
-        """Set a tunable parameter or a free input, as text with a unit or in SI, from now on."""
+        """Set a tunable parameter or a free input, as text with a unit or in SI, from the member's next step on."""
         self._happen("set", name, value)
 
     def override(self, name: str, value: Any) -> None:
@@ -202,6 +209,7 @@ class Simulation:
         if problems := event_problems(event, self._catalog, self._targets):
             raise CouplingError(problems)
         apply_event(event, self._case, self._simulated, self._catalog)
+        (self._set_keys.add if kind == "set" else self._set_keys.discard)(self._find(name).key)
 
     def _find(self, name: str) -> Any:
         try:
@@ -217,7 +225,7 @@ class Simulation:
 
     def _check_open(self) -> None:
         if not self._close.alive:
-            raise TwinError(f"{WHERE}: is closed. Create a new one with `simulate`.")
+            raise TwinError(f"{WHERE}: is closed; `results` stay. Create a new one with `live` or `simulate`.")
         if self._failed:
             raise SimulationError(f"{WHERE}: has failed: {self._failed}")
 

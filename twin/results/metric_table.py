@@ -1,7 +1,8 @@
-"""Metrics of a run as a DataFrame that prints all of its columns."""
+"""Metrics and requirements of a run as a DataFrame that prints all of its columns."""
 
 from __future__ import annotations
 
+from shutil import get_terminal_size
 from typing import Any
 
 import pandas as pd
@@ -10,7 +11,7 @@ MAX_ROWS = 60  # that are printed; of more, the first and the last
 
 
 class MetricTable(pd.DataFrame):  # type: ignore[misc]  # pandas has no types here
-    """DataFrame of metrics, printed with every column, four digits and without row numbers; else as any DataFrame."""
+    """DataFrame of metrics or requirements, printed with every column, four digits and without row numbers; else as any DataFrame."""
 
     @property
     def _constructor(self) -> type[MetricTable]:
@@ -22,7 +23,9 @@ class MetricTable(pd.DataFrame):  # type: ignore[misc]  # pandas has no types he
         return {"index": is_named, "float_format": "{:.4g}".format, "na_rep": "-", "max_rows": MAX_ROWS}
 
     def __repr__(self) -> str:
-        return str(self.to_string(**self._print_options))
+        letters = max(get_terminal_size().columns // 2 - 7, 24) if "detail" in self.columns else None  # name and detail
+        return str(self.to_string(**self._print_options, max_colwidth=letters))
 
     def _repr_html_(self) -> str:
-        return str(self.to_html(**self._print_options, border=0))
+        with pd.option_context("display.max_colwidth", None):
+            return str(self.to_html(**self._print_options, border=0))
