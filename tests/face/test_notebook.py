@@ -117,6 +117,8 @@ def test_requirements_print_their_verdict(monkeypatch):
     head, row = repr(table).splitlines()
     assert (head.split(), len(row) < 80) == (["name", "verdict", "detail"], True)
     assert "skipped" in row
+    wide = arrays.table([{f"column {k}": 0.5 for k in range(20)}])
+    assert "..." not in repr(wide)  # all columns, also where they are wider than the terminal
     assert outcome["detail"] in table._repr_html_()
 
 
@@ -216,6 +218,7 @@ def test_parts_of_a_page():
         ('Use --set "a=1".', 'Use set "a=1".'),
         ("Use --variant and --seed 3.", "Use variants and seeds=3."),
         ("Give --runs.", "Give out."),
+        ("Use `--checkpoint 10s`.", 'Use `checkpoint="10s"`.'),
     ],
 )
 def test_options_are_named_as_arguments(line, python):

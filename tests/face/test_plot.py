@@ -1,5 +1,6 @@
 """Plots of a run in Python: which signals of which cases they show, in which units, from a run that a test writes."""
 
+import pickle
 from types import SimpleNamespace
 
 import numpy as np
@@ -152,9 +153,9 @@ def test_a_plot_of_some_time_or_over_a_signal(run):
     for what in ("Place", "tip.position"):
         (axis,) = run.plot(what, variants="PI", start="250 ms", stop=0.75, interactive=False).axes
         assert axis.get_xlim() == (0.25, 0.75)
-    figure = run.plot(xy=("tip.position", "sensor.force"), variants="PI", start=0.5, interactive=False)
+    figure = run.plot(xy=("tip.position [um]", "sensor.force"), variants="PI", start=0.5, interactive=False)
     assert [(axis.get_xlabel(), axis.get_ylabel()) for axis in figure.axes] == [
-        ("tip.position [mm]", "sensor.force [N]")
+        ("tip.position [um]", "sensor.force [N]")
     ]
     assert figure.axes[0].lines[0].get_ydata().tolist() == np.sin(TIME[2:]).tolist()
 
@@ -191,10 +192,11 @@ def test_cases_of_a_plot(run, drawn, chosen, cases):
 
 
 def test_what_cannot_be_plotted(run, drawn, monkeypatch):
-    with pytest.raises(
-        TwinError, match=r"run: nothing was run with these variants and seeds\. There are variants PI, PI\+FF; seeds "
-    ):
-        run.plot("Place", variants="PID")
+    for chosen, which in (({"variants": ["PI", "PID"]}, "'PID'"), ({"seeds": [1, 9]}, "9")):
+        with pytest.raises(
+            TwinError, match=rf"run: nothing was run with {which}\. There are variants PI, PI\+FF; seeds "
+        ):
+            run.plot("Place", **chosen)
     with pytest.raises(UnknownNameError, match=r"'Plac' was not recorded.*Did you mean 'Place'\?"):
         run.plot("Plac")
     with pytest.raises(UnknownNameError, match=r"'tip\.x' was not recorded"):
@@ -224,8 +226,15 @@ def test_what_cannot_be_plotted(run, drawn, monkeypatch):
     with pytest.raises(TwinError, match=r"none of the signals was recorded in these variants\. Choose others\."):
         run.plot("Place")
     run.summary["cases"], run.summary["reason"] = [], "no bus."
-    with pytest.raises(TwinError, match=r"nothing was run with these variants and seeds\. The run failed: no bus\."):
+    with pytest.raises(TwinError, match=r"nothing was run with 'PID'\. The run failed: no bus\."):
         run.plot("Place", variants="PID")
+
+
+def test_a_run_is_pickled_by_its_folder(run):
+    run.notes.append("a note")
+    again = pickle.loads(pickle.dumps(run))
+    assert (again.folder, again.notes, list(again)) == (run.folder, run.notes, list(run))
+    assert again["sensor.force"].equals(run["sensor.force"])
 
 
 def test_a_run_says_what_it_is(run):

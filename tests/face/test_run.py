@@ -5,11 +5,14 @@ Over 400 lines: all that `twin.run` takes and gives.
 
 import inspect
 import json
+import pickle
 import pydoc
 import re
 import shutil
 import subprocess
 import sys
+import threading
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -237,6 +240,47 @@ def test_all_problems_of_values_are_reported(place):
     with pytest.raises(ScenarioError) as caught:
         twin.load(place / "pushed.yaml")._with_values({"part.mass": "2 N", "part.gian": 1})
     assert len(caught.value.problems) == 2
+
+
+def test_a_scenario_is_pickled(scenario, place, build):
+    """With what was set, for processes that run it; `live` has one case."""
+    faster = pickle.loads(pickle.dumps(scenario.set("part.gain", 4.0)))
+    assert (repr(faster), faster.checked.overrides) == (repr(scenario), ("part.gain=4.0",))
+    with faster.simulate("plain", backend="interpreted", build=build) as simulation:
+        assert simulation["part.gain"] == 4.0
+        assert simulation["part.gain [mm/N]"] == 4000.0
+        with pytest.raises(TwinError, match=r"part\.gain: m/N does not convert to kg\."):
+            simulation["part.gain [kg]"]
+    for chosen, kind in (({"variant": ["plain", "strong"]}, "variant"), ({"seed": [1, 2]}, "seed")):
+        with pytest.raises(TwinError, match=f"{kind}: a simulation has one, not 2"):
+            twin.live(scenario, **chosen, build=build)
+
+
+def test_one_thread_advances_a_simulation(scenario, build):
+    """Another is refused, and `close` waits for the end of the step: the members are freed after it."""
+    problems = []
+
+    def advance(_time):
+        thread = threading.Thread(target=interfere)
+        thread.start()
+        thread.join()
+
+    def interfere():
+        with pytest.raises(TwinError, match="another thread is advancing") as caught:
+            simulation.advance()
+        problems.append(caught.value)
+
+    simulation = scenario.simulate("plain", backend="interpreted", build=build)
+    simulation.advance("1 ms", progress=advance)
+    assert (bool(problems), simulation.time) == (True, 0.001)
+    simulation.rate = 0.1
+    thread = threading.Thread(target=lambda: simulation.advance("40 ms"))
+    thread.start()
+    while thread.is_alive() and simulation.time == 0.001:
+        time.sleep(0.001)
+    simulation.close()
+    thread.join()
+    assert 0.001 < simulation.results.time.iloc[-1] < 0.04
 
 
 def test_packages_that_are_functions_show_their_arguments():

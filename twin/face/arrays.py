@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.component import unit
-from twin.errors import CouplingError, TwinError
+from twin.face.conversions import convert
 from twin.installed import import_optional
 from twin.results import readable_recording
 
@@ -63,10 +63,7 @@ def array(variable: RecordedVariable, cases: Cases) -> xr.DataArray:
 
 def in_unit(values: xr.DataArray, symbol: str, is_difference: bool) -> xr.DataArray:
     """Return values in another unit; TwinError if they do not convert. `is_difference`: the offset of a unit does not matter."""
-    try:
-        factor, offset = unit.conversion(values.attrs.get("units") or "1", symbol, str(values.name))
-    except CouplingError as error:
-        raise TwinError(str(error).removesuffix(" Connect quantities of one kind.")) from None
+    factor, offset = convert(values.attrs.get("units", ""), symbol, str(values.name))
     converted = values * factor + (0.0 if is_difference else offset)
     attributes = {key: text for key, text in values.attrs.items() if key != "display_units"}
     return converted.assign_attrs({**attributes, "units": symbol})
@@ -145,7 +142,12 @@ def metrics(summary: Mapping[str, Any]) -> MetricTable:
 
 def requirements(summary: Mapping[str, Any]) -> MetricTable:
     """Return a row for each requirement."""
+    return table([[each[key] for key in REQUIREMENTS] for each in summary["expectations"]], REQUIREMENTS)
+
+
+def table(rows: Sequence[Any], columns: Sequence[str] | None = None) -> MetricTable:
+    """Return rows as a DataFrame that prints all columns; without `columns`, rows are dicts."""
     import_optional("pandas", "python", "a DataFrame")
     from twin.results import MetricTable
 
-    return MetricTable([[each[key] for key in REQUIREMENTS] for each in summary["expectations"]], columns=REQUIREMENTS)
+    return MetricTable(rows, columns=columns)

@@ -62,7 +62,7 @@ def open_run(path: str | Path) -> Run:
 
 
 CARD_WIDTH = 6.4  # of the plot in a notebook [in]: its letters stay legible where the notebook is narrow
-OPERATORS = "+-*/("  # signs that an expression has, and few names
+OPERATORS = "+-*/(<>="  # signs that an expression has, and few names
 
 
 def in_window(plot: Plot, start: float | str | None, stop: float | str | None) -> Plot:
@@ -238,7 +238,8 @@ class Run:
         try:
             parsed = expression.parse(text)
         except ScenarioError as error:
-            reason = f", and {str(error).rstrip('.')}" if any(sign in text for sign in OPERATORS) else ""
+            is_expression = any(sign in text.rstrip("*") for sign in OPERATORS)
+            reason = f", and {str(error).rstrip('.')}" if is_expression else ""
             raise UnknownNameError(
                 f"{self.folder}: {describe_unknown(text, self._recorded, candidates, reason)}"
             ) from None
@@ -333,13 +334,16 @@ class Run:
             for (variant, seed), signals in cases.items()
             if variant in (as_list(variants) or self.variants) and seed in (as_list(seeds) or self.seeds)
         }
-        if not chosen:
+        names_of_cases = (*self.variants, *self.seeds)
+        unknown = [name for name in (*as_list(variants), *as_list(seeds)) if name not in names_of_cases]
+        if not chosen or unknown:
             remedy = (
                 f"There are variants {', '.join(quote_names(self.variants))}; seeds {', '.join(map(str, self.seeds))}."
                 if self.variants
                 else f"The run failed: {self.reason}"
             )
-            raise TwinError(f"{self.folder}: nothing was run with these variants and seeds. {remedy}")
+            which = f"{unknown[0]!r}" if unknown else "these variants and seeds"
+            raise TwinError(f"{self.folder}: nothing was run with {which}. {remedy}")
         marks = [row.annotation for row in event_rows(self._checked.variants, self.summary.get("conditions", ()))]
         if interactive is None:
             interactive = in_notebook() and is_plotly_installed()
@@ -362,8 +366,9 @@ class Run:
                 raise TwinError(
                     f'xy: {xy!r} is not two signals. Give, for example, ("heart.position", "sensor.force").'
                 )
-            across, up = (self._parsed(text, [*self]) for text in xy)
-            plots.append(self._in_unit(Plot("", (PlotCurve(up, up.text, across),), up.text, per_variant=True)))
+            (x_unit, across), (unit, up) = (self._with_unit(text, [*self]) for text in xy)
+            curve = PlotCurve(up, up.text, across)
+            plots.append(Plot("", (curve,), curve.label, unit, x_unit=x_unit, per_variant=True))
         scalars = [name for name in self if not self._recorded[name].shape]
         signals = [
             name
@@ -378,11 +383,8 @@ class Run:
         """Return plots of signals, one for each unit."""
         groups: dict[str, list[PlotCurve]] = {}
         for text in texts:
-            base, symbol = split_unit(text)
-            parsed = self._parsed(base, [*titles, *self])
-            if symbol and not self._measure(parsed).converts_to(symbol, is_scaled=False):
-                raise TwinError(f"{base} {self._measure(parsed).text}, which does not convert to {symbol}.")
-            groups.setdefault(symbol or self._unit(parsed), []).append(PlotCurve(parsed, base))
+            unit, parsed = self._with_unit(text, [*titles, *self])
+            groups.setdefault(unit, []).append(PlotCurve(parsed, parsed.text))
         return [
             Plot(
                 "",
@@ -393,6 +395,14 @@ class Run:
             )
             for unit, curves in groups.items()
         ]
+
+    def _with_unit(self, text: str, candidates: Sequence[str]) -> tuple[str, Expression]:
+        """Return the unit of an expression and itself: that of `sensor.force [mN]`, else its display unit."""
+        base, symbol = split_unit(text)
+        parsed = self._parsed(base, candidates)
+        if symbol and not self._measure(parsed).converts_to(symbol, is_scaled=False):
+            raise TwinError(f"{base} {self._measure(parsed).text}, which does not convert to {symbol}.")
+        return symbol or self._unit(parsed), parsed
 
     def _in_unit(self, plot: Plot) -> Plot:
         """Return a plot in the unit of its first signal if it has none and all signals have one dimension."""
@@ -417,6 +427,10 @@ class Run:
         """Return the dimension of an expression; ScenarioError if those of its signals do not match."""
         units: dict[str, str | None] = {name: self._recorded[name].unit for name in names_of(parsed) if name in self}
         return dimension.expression_measure(parsed, units)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # the rest is read again from the folder
+        return {"folder": self.folder.absolute(), "summary": self.summary, "notes": self.notes, "_scenario": None}
 
     def __repr__(self) -> str:
         counts = (("variant", len(self.variants)), ("seed", len(self.seeds)))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
-from twin.face import notebook
+from twin.face import arrays, notebook
 from twin.face.conversions import check_file, choice, plain, python_option_names
 from twin.face.finished_run import Run
 from twin.face.progress import progress_callback
@@ -115,6 +115,11 @@ class StudyResult:
             raise TwinError(f"{self.folder}: no case is worse by a requirement. Use `case(worst_case(METRIC))`.")
         return self.case(numbers[0], out=self.folder.parents[1])
 
+    @property
+    def report(self) -> Path:
+        """report.html."""
+        return self.folder / "report.html"
+
     @cached_property
     def cases(self) -> pd.DataFrame:
         """A row for each case: factors, metrics in the units of the report, `holds: REQUIREMENT`, status; units in `.attrs["units"]`.
@@ -157,7 +162,7 @@ class StudyResult:
             row["deviation"] = None if deviation is None else deviation / factor
             row["worst case"] = max(spread["least"], spread["most"], key=lambda end: abs(end[1]))[0]
             rows.append(row)
-        return import_optional("pandas", "python", "a DataFrame").DataFrame(rows)
+        return arrays.table(rows)
 
     @property
     def requirements(self) -> pd.DataFrame:
@@ -165,7 +170,7 @@ class StudyResult:
         names = {"name": "name", "variant": "variant", "met_count": "met", "count": "count", "part": "pass rate"}
         names |= {"low": "low", "high": "high", "failing": "failing cases"}
         rows = [{names[key]: share[key] for key in names} for share in self.answers["expectations"]]
-        return import_optional("pandas", "python", "a DataFrame").DataFrame(rows, columns=list(names.values()))
+        return arrays.table(rows, list(names.values()))
 
     expectations = requirements  # the former name
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin.component import Component
-from twin.errors import ScenarioError, quote_names
+from twin.errors import ScenarioError, TwinError, quote_names
 from twin.face import notebook
 from twin.face.conversions import (
     as_list,
@@ -161,11 +161,18 @@ class Scenario:
         `variant`, `seed`: the first of the scenario by default. Events of the scenario happen at their time, and the signals
         of `record` are in its `results`. `backend`: compiled, fmu or interpreted.
         """
+        for kind, names in (("variant", as_list(variant)), ("seed", as_list(seed))):
+            if len(names) > 1:
+                raise TwinError(f"{kind}: a simulation has one, not {len(names)}. Give one, or use `run`.")
         cases = self.checked.cases(as_list(variant), integers(seed, "seed"))
         case = cases[0]
         refuse_faults([case], None)
         catalog = resolve_catalogs(self.checked)[case.variant]
         return Simulation(case, catalog, Backend(choice(backend, Backend, "backend")), Path(build), True, False)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # variants have generated classes; they are resolved again from the content of the file
+        return restored, (replace(self.checked, variants=()), self._classes)
 
     def __repr__(self) -> str:
         variants, seeds = ", ".join(quote_names(self.variants)), ", ".join(map(str, self.seeds))
@@ -182,6 +189,11 @@ class Scenario:
             notebook.table({"variant": "text", "what": "text"}, titles if len(titles) > 1 else []),
             notebook.scenario_system(checked),
         )
+
+
+def restored(checked: ScenarioSpec, classes: Mapping[str, type[Component]]) -> Scenario:
+    """Return a pickled scenario."""
+    return Scenario(replace(changed(checked, ()), name=checked.name), classes)
 
 
 def reference(cls: type, classes: Mapping[str, type[Component]]) -> str:

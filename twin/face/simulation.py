@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time as wall
 import weakref
 from html import escape
@@ -15,7 +16,8 @@ from twin.coupling import MemoryRecorder, find
 from twin.errors import CouplingError, SimulationError, TwinError, UnknownNameError
 from twin.face import notebook
 from twin.face.arrays import frame
-from twin.face.conversions import finite, nanoseconds
+from twin.face.conversions import convert, finite, nanoseconds
+from twin.files import split_unit
 from twin.live import Pace, checked_rate
 from twin.run import apply_event, build_simulation, recorded_signals
 from twin.scenario import Backend, EventSpec, event_problems, has_source
@@ -54,6 +56,7 @@ class Simulation:
         self._simulated = build_simulation(self._case, catalog, backend, build, MemoryRecorder(BUFFER_BYTES))
         if silent:
             self._simulated.recorded = []
+        self._lock, self._is_closing = threading.RLock(), False
         self._close = weakref.finalize(self, self._simulated.terminate)
         self._catalog = {name: member.variables for name, member in self._simulated.members.items()}
         try:
@@ -117,6 +120,16 @@ class Simulation:
         simulation before; if it ends it now, `finished` is set. Recorded signals are kept. `progress` is called with the time [s]
         about twenty times a second.
         """
+        if not self._lock.acquire(blocking=False):
+            raise TwinError("advance: another thread is advancing the simulation. Wait for it, or create another one.")
+        try:
+            return self._advance(duration, until, progress)
+        finally:
+            self._lock.release()
+
+    def _advance(
+        self, duration: float | str | None, until: float | str | None, progress: Callable[[float], object] | None
+    ) -> float:
         self._check_open()
         if self.finished:
             raise SimulationError(f"advance: the simulation has ended: {self.reason} Create a new one.")
@@ -135,10 +148,10 @@ class Simulation:
 
         report = None if progress is None else lambda time: progress(clock.seconds(time))
         try:
-            while self._events and self._events[0].time_ns <= end and not self.finished:
+            while self._events and self._events[0].time_ns <= end and not (self.finished or self._is_closing):
                 self._advance_paced(self._events[0].time_ns, report)
                 self._apply_due_events()
-            if not self.finished:
+            if not (self.finished or self._is_closing):
                 self._advance_paced(end, report)
         except SimulationError as error:
             self._failed = str(error)
@@ -154,7 +167,7 @@ class Simulation:
         if not self._is_scheduled:
             pace.begin(wall.monotonic(), self.time)
             self._is_scheduled = True
-        while simulated.time < end and not self.finished:
+        while simulated.time < end and not (self.finished or self._is_closing):
             before, begin = simulated.time, wall.monotonic()
             simulated.advance(min(end, before + pace.count() * self._case.step_ns), report)
             count = (simulated.time - before) // self._case.step_ns
@@ -167,11 +180,16 @@ class Simulation:
             apply_event(self._events.pop(0), self._case, self._simulated, self._catalog)
 
     def __getitem__(self, name: str) -> Any:
-        """Return the current value of a variable or element `member.x[1]`, in its own unit: number, Boolean, text or array.
+        """Return the current value of a variable or element `member.x[1]`: number, Boolean, text or array.
 
+        It is in the variable's own unit, or in that of a name like `wall.force [mN]`.
         A parameter or input that was set has its new value at once; the member uses it from its next step.
         """
         self._check_open()
+        base, symbol = split_unit(name)
+        if symbol:
+            factor, offset = convert(self._find(base).variable.unit, symbol, base)
+            return self[base] * factor + offset
         reference = self._find(name)
         variable = reference.variable
         if reference.key in self._set_keys:  # published at the member's next step
@@ -257,9 +275,11 @@ class Simulation:
 
     def close(self) -> None:
         """Free all members; `results` stay. Safe to call twice."""
-        if self._close.alive:
-            self._signals = self._recorded()
-            self._close()
+        self._is_closing = True  # ends `advance` in another thread
+        with self._lock:
+            if self._close.alive:
+                self._signals = self._recorded()
+                self._close()
 
     def __enter__(self) -> Self:
         return self

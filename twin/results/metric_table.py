@@ -8,6 +8,7 @@ from typing import Any
 import pandas as pd
 
 MAX_ROWS = 60  # that are printed; of more, the first and the last
+SHORTEST = 24  # letters of a text of which a table without room shows the beginning
 
 
 class MetricTable(pd.DataFrame):  # type: ignore[misc]  # pandas has no types here
@@ -23,7 +24,11 @@ class MetricTable(pd.DataFrame):  # type: ignore[misc]  # pandas has no types he
         return {"index": is_named, "float_format": "{:.4g}".format, "na_rep": "-", "max_rows": MAX_ROWS}
 
     def __repr__(self) -> str:
-        letters = max(get_terminal_size().columns // 2 - 7, 24) if "detail" in self.columns else None  # name and detail
+        text = str(self.to_string(**self._print_options))
+        width = get_terminal_size().columns
+        if len(text.partition("\n")[0]) <= width:
+            return text
+        letters = max(width // 2 - 7, SHORTEST)  # of a name and of its detail
         return str(self.to_string(**self._print_options, max_colwidth=letters))
 
     def _repr_html_(self) -> str:
