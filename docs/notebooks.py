@@ -111,7 +111,7 @@ def page(notebook: Any, place: Path) -> str:
         if cell.source.startswith(SAVE):
             continue
         parts += [told for one in cell.outputs if (told := output(one, place, len(parts)))]
-    parts.insert(1, f"*Executed when this site was built. [As a notebook]({place.stem}.ipynb).*")
+    parts.insert(1, f"*Executed when this site was built. [Download as a notebook]({place.stem}.ipynb).*")
     return "\n\n".join(parts) + "\n"
 
 

@@ -71,7 +71,8 @@ if not TYPE_CHECKING:  # else any name would be one
 class CallablePackage:
     """A package that is also the function of its name in `twin.face`: `twin.run("heart_wall_force")`.
 
-    It is no `ModuleType`: `help(twin.run)` would list the modules of the package instead of the function.
+    It is no `ModuleType`: `help(twin.run)` would list the modules of the package instead of the function. `__get__` makes it a
+    routine for `inspect`, so that `help(twin.run)` and `help(twin)` show it like any function.
     """
 
     def __init__(self, package: ModuleType) -> None:
@@ -92,6 +93,9 @@ class CallablePackage:
     def __repr__(self) -> str:
         return f"<function {self.__name__}, and the package of its name>"
 
+    def __get__(self, instance: object, owner: type | None = None) -> "CallablePackage":
+        return self
+
     @property
     def __wrapped__(self) -> Any:
         """The function: `inspect` and notebooks show its signature."""
@@ -99,19 +103,11 @@ class CallablePackage:
 
     @property
     def __doc__(self) -> str:  # type: ignore[override]
-        """Signature and docstring of the function: what `help(twin.run)` shows."""
-        function = self.__wrapped__
-        parameters = inspect.signature(function).parameters.values()
-        is_keyword = [parameter.kind is parameter.KEYWORD_ONLY for parameter in parameters]
-        lines = [
-            f"    {parameter.name}: {parameter.annotation}"
-            f"{'' if parameter.default is parameter.empty else f' = {parameter.default!r}'},"
-            for parameter in parameters
-        ]
-        if True in is_keyword:
-            lines.insert(is_keyword.index(True), "    *,")
-        signature = [f"{self.__name__}(", *lines, f") -> {inspect.signature(function).return_annotation}"]
-        return "\n".join([*signature, "", inspect.getdoc(function) or ""])
+        """Docstring of the function."""
+        return inspect.getdoc(self.__wrapped__) or ""
+
+
+CallablePackage.__name__ = "function"  # what `help` calls it
 
 
 def make_callable(package: str) -> None:

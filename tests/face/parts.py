@@ -27,9 +27,10 @@ class Slow(Component):
 
     period = 0.01
     value = output("N", "number of steps")
+    gain = parameter(1.0, "N", "of each step")
 
     def step(self, t, h):
-        self.value = self.value + 1.0
+        self.value = self.value + self.gain
 
 
 class Fails(PythonComponent):

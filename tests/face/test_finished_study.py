@@ -54,10 +54,12 @@ def test_its_answers(study):
     assert table.loc["plain", "worst case"] == study.cases.loc[own.idxmax(), "case"]
     margin = next(name for name in study.cases if name.startswith("margin: "))
     assert study.cases[margin].notna().any()
-    rates = study.expectations.set_index("variant")
+    rates = study.requirements.set_index("variant")
     assert (rates.loc["plain", "met"], rates.loc["plain", "pass rate"]) == (3, 1.0)
     assert study.answers["cases"] == 6
     assert "100 %" in study._repr_html_()
+    assert "<th class=text>requirement</th>" in study._repr_html_()
+    assert study.expectations.equals(study.requirements)  # the former name
     assert repr(study) == f"<StudyResult {study.folder}: Gains; completed, 6 cases, 0 did not finish>"
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.every_case import every_case
+from tests.web.browser import browser, chromium  # noqa: F401
 from twin.errors import TwinError
 from twin.face import arrays, conversions, notebook, progress
 from twin.results import RecordedVariable, Signals
@@ -67,8 +68,9 @@ def test_a_table_of_metrics():
     text = notebook.verdicts(SUMMARY)
     table, _, rest = text.partition("<details><summary>1 more metric</summary>")
     names = ("metric", "variant", "mean", "paper", "ratio", "verdict")
+    kinds = ("text", "text", "number", "paper", "number", "text")
     head, *rows = cells(table.removeprefix("<div class=wide>").removesuffix("</div>"))
-    assert head == "".join(f"<th class={'number' if 1 < k < 5 else 'text'}>{name}</th>" for k, name in enumerate(names))
+    assert head == "".join(f"<th class={kind}>{name}</th>" for kind, name in zip(kinds, names, strict=True))
     own = [[re.sub("<[^>]*>", "", cell) for cell in row.removesuffix("</td>").split("</td>")] for row in rows]
     assert own == [
         ["depth [m]", "FF", "0.03", "0.02", "1.50", "✗ fail"],
@@ -85,8 +87,8 @@ def test_a_table_of_metrics():
     assert "<details>" not in notebook.verdicts({"metrics": {"speed": SUMMARY["metrics"]["speed"]}})
     outcomes = [{"verdict": "fail", "name": "safe", "detail": "3 < 4"}]
     assert (
-        '<td class=text><b class="fail">✗ fail</b></td><td class=text>safe</td><td class=text>3 &lt; 4</td>'
-        in notebook.expectations(outcomes)
+        '<td class=text><b class="fail">✗ fail</b></td><td class=text>safe</td><td class=detail>3 &lt; 4</td>'
+        in notebook.requirements(outcomes)
     )
     assert notebook.value(300.0, "K") == "300 K"
 
@@ -107,6 +109,35 @@ def test_metrics_print_every_column():
     assert pickle.loads(pickle.dumps(table)).equals(table)
 
 
+def test_requirements_print_their_verdict(monkeypatch):
+    """Names and details are shortened to the terminal; pandas left out the column of verdicts. A notebook has all."""
+    monkeypatch.setenv("COLUMNS", "80")
+    outcome = {"name": "force " * 12, "verdict": "skipped", "detail": 9 * "Not judged. " + "End"}
+    table = arrays.requirements({"expectations": [outcome]})
+    head, row = repr(table).splitlines()
+    assert (head.split(), len(row) < 80) == (["name", "verdict", "detail"], True)
+    assert "skipped" in row
+    wide = arrays.table([{f"column {k}": 0.5 for k in range(20)}])
+    assert "..." not in repr(wide)  # all columns, also where they are wider than the terminal
+    assert outcome["detail"] in table._repr_html_()
+
+
+@pytest.mark.slow
+def test_a_card_fits_a_narrow_notebook(browser, tmp_path):  # noqa: F811
+    """Without the column of the paper's values at 360 px: ratio and verdict needed scrolling."""
+    verdicts = notebook.verdicts({"metrics": {"force_error_std": metric({"PI+FF": (35.6, 36.2, "other")})}})
+    long = {"verdict": "pass", "name": "PI moves against", "detail": f"controller.{'target_velocity' * 3} was -0.2"}
+    (tmp_path / "card.html").write_text(notebook.page(verdicts, notebook.requirements([long])))
+    page = browser.new_page(viewport={"width": 360, "height": 600})
+    page.goto((tmp_path / "card.html").as_uri())
+    widths = "[...document.querySelectorAll('.wide')].map(each => each.scrollWidth - each.clientWidth)"
+    assert page.evaluate(widths) == [0, 0]
+    assert not page.get_by_text("paper", exact=True).is_visible()
+    page.set_viewport_size({"width": 900, "height": 600})
+    assert page.get_by_text("paper", exact=True).is_visible()
+    page.close()
+
+
 def test_a_run_in_some_lines(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert notebook.run_text(SUMMARY, tmp_path / "runs" / "1").splitlines() == [
@@ -125,8 +156,8 @@ def test_links_of_a_run_work_from_a_notebook(tmp_path, monkeypatch):
     folder.mkdir(parents=True)
     (folder / "report.html").touch()
     monkeypatch.chdir(tmp_path)
-    command = " · curves in a terminal: <code>twin view "
-    assert notebook.links(folder) == f'<p><a href="runs/a%20b/report.html">Report</a>{command}runs/a b</code></p>'
+    command = " · Curves: type <code>twin view runs/a b</code> in a terminal"
+    assert notebook.links(folder) == f'<p><a href="runs/a%20b/report.html">Report</a>{command}</p>'
     monkeypatch.chdir(folder)
     (folder / "signals.html").touch()
     (tmp_path / "elsewhere").mkdir()
@@ -142,6 +173,7 @@ def test_links_of_a_run_work_from_a_notebook(tmp_path, monkeypatch):
         ({}, (2, 3), "pass", "✓ 2 of 3 requirements met"),
         ({}, (0, 0), "pass", "✓ completed"),
         ({"passed": False}, (2, 3), "fail", "✗ 2 of 3 requirements met"),
+        ({"expectations": [{"verdict": "skipped"}]}, (2, 2), "pass", "✓ 2 of 2 requirements met, 1 not judged"),
         ({"status": "failed", "reason": "<x>"}, (2, 3), "fail", "failed: &lt;x&gt;"),
     ],
 )
@@ -150,7 +182,7 @@ def test_the_state_of_a_run(monkeypatch, summary, counts, kind, text):
     for number, more in ((notebook.CASES, ""), (notebook.CASES + 1, " and 1 more")):
         cases = [{"variant": "v", "seed": seed} for seed in range(number)]
         shown = " · ".join(str(seed) for seed in range(notebook.CASES))
-        given = {"status": "completed", "passed": True, "reason": "", "cases": cases, **summary}
+        given = {"status": "completed", "passed": True, "reason": "", "cases": cases, "expectations": [], **summary}
         assert notebook.state(given) == f'<b class="{kind}">{text}</b><p>variant v; seeds {shown}{more}</p>'
 
 
@@ -186,6 +218,7 @@ def test_parts_of_a_page():
         ('Use --set "a=1".', 'Use set "a=1".'),
         ("Use --variant and --seed 3.", "Use variants and seeds=3."),
         ("Give --runs.", "Give out."),
+        ("Use `--checkpoint 10s`.", 'Use `checkpoint="10s"`.'),
     ],
 )
 def test_options_are_named_as_arguments(line, python):

@@ -1,10 +1,12 @@
 """Plots of a run in Python: which signals of which cases they show, in which units, from a run that a test writes."""
 
+import pickle
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from tests.viewer.recorded import FORCE, PLACE, SHAPE, folder_of
 from twin.errors import TwinError, UnknownNameError
 from twin.face import open_run, open_study
@@ -43,6 +45,41 @@ def test_panels_begin_and_end_below_each_other(run):
     assert (first.get_xlabel(), last.get_xlabel()) == ("", "time [s]")
     last.set_xlim(0.25, 0.5)
     assert first.get_xlim() == (0.25, 0.5)
+
+
+@pytest.fixture(scope="module", params=[1, 2, 5])
+def several(request, tmp_path_factory):
+    """A run of some variants, with three seeds and signals of three units; the last variant is longer."""
+    count = request.param
+    variables = [
+        RecordedVariable(f"{member}.{name}", unit=unit)
+        for member, name, unit in (
+            ("a", "force", "N"),
+            ("a", "place", "m"),
+            ("b", "force", "N"),
+            ("b", "place", "m"),
+            ("b", "rate", "Hz"),
+        )
+    ]
+    cases = {
+        (f"v{variant}", seed): (TIME * (1 + variant / 4), {each.name: TIME * seed for each in variables})
+        for variant in range(count)
+        for seed in (1, 2, 3)
+    }
+    return open_run(folder_of(tmp_path_factory.mktemp("several") / "run", cases, variables))
+
+
+@every_case("what", [("*.force", "a.place"), ("a.place", "*.force"), ("b.rate", "*.place", "a.force"), ("b.*", "a.*")])
+@pytest.mark.parametrize("seeds", [1, [1, 2, 3]])
+def test_panels_share_the_time_whatever_their_number_and_order(several, what, seeds):
+    """One axis for all, with the whole time; an axis that was shared already raised an error."""
+    figure = several.plot(*what, seeds=seeds, interactive=False)
+    axes = [axis for axis in figure.axes if axis.get_visible()]
+    last = (TIME[-1] - TIME[0]) * (1 + (len(several.variants) - 1) / 4)
+    assert {axis.get_xlim() for axis in axes} == {(0.0, last)}
+    assert [axis.get_xlabel() for axis in axes] == [""] * (len(axes) - 1) + ["time [s]"]
+    axes[0].set_xlim(0.25, 0.5)
+    assert {axis.get_xlim() for axis in axes} == {(0.25, 0.5)}
 
 
 @pytest.fixture
@@ -111,6 +148,28 @@ def test_plots_of_signals_are_grouped_by_unit(run, drawn):
     ]
 
 
+def test_a_plot_of_some_time_or_over_a_signal(run):
+    """In the words of a simulation and of a scenario: `start`, `stop`, `xy`."""
+    for what in ("Place", "tip.position"):
+        (axis,) = run.plot(what, variants="PI", start="250 ms", stop=0.75, interactive=False).axes
+        assert axis.get_xlim() == (0.25, 0.75)
+    figure = run.plot(xy=("tip.position [um]", "sensor.force"), variants="PI", start=0.5, interactive=False)
+    assert [(axis.get_xlabel(), axis.get_ylabel()) for axis in figure.axes] == [
+        ("tip.position [um]", "sensor.force [N]")
+    ]
+    assert figure.axes[0].lines[0].get_ydata().tolist() == np.sin(TIME[2:]).tolist()
+
+
+def test_signals_in_another_unit(run):
+    force, milli = run["sensor.force"], run["sensor.force [mN]"]
+    np.testing.assert_allclose(milli, force * 1000)
+    assert milli.attrs["units"] == "mN"
+    assert run["tip.depth - tip.position [um]"].attrs["units"] == "um"
+    assert run.plot("sensor.force [mN]", variants="PI", interactive=False).axes[0].get_ylabel() == "sensor.force [mN]"
+    with pytest.raises(TwinError, match=r"sensor\.force: N does not convert to mm\."):
+        run["sensor.force [mm]"]
+
+
 def test_without_plots_in_the_scenario_the_first_scalars_are_shown(run, drawn):
     (run.folder / "scenario.yaml").write_text(SCENARIO.partition("plots:")[0])
     run.plot()
@@ -133,25 +192,54 @@ def test_cases_of_a_plot(run, drawn, chosen, cases):
 
 
 def test_what_cannot_be_plotted(run, drawn, monkeypatch):
-    with pytest.raises(
-        TwinError, match=r"run: nothing was run with these variants and seeds\. There are variants PI, PI\+FF; seeds "
-    ):
-        run.plot("Place", variants="PID")
+    for chosen, which in (({"variants": ["PI", "PID"]}, "'PID'"), ({"seeds": [1, 9]}, "9")):
+        with pytest.raises(
+            TwinError, match=rf"run: nothing was run with {which}\. There are variants PI, PI\+FF; seeds "
+        ):
+            run.plot("Place", **chosen)
     with pytest.raises(UnknownNameError, match=r"'Plac' was not recorded.*Did you mean 'Place'\?"):
         run.plot("Plac")
     with pytest.raises(UnknownNameError, match=r"'tip\.x' was not recorded"):
         run.plot("tip.x")
     with pytest.raises(TwinError, match=r"run: .*tip\.shape"):
         run.plot("abs(tip.shape)")
+    for name in ("tip.shape", "tip.sh*"):
+        with pytest.raises(TwinError, match=r"tip\.shape is an array .*tip\.shape\[1\]"):
+            run.plot(name)
+    for call in (run.plot, run.__getitem__):
+        with pytest.raises(
+            UnknownNameError, match=r"run: 'tip' is a member\. .* 'tip\.position', 'tip\.depth', 'tip\.s"
+        ):
+            call("tip")
+    for given, problem in (
+        ({"start": 3, "stop": "2 s"}, "start: 3 s is not before 2 s"),
+        ({"start": "2 m"}, "start: "),
+        ({"xy": "tip.position"}, "xy: 'tip.position' is not two signals"),
+    ):
+        with pytest.raises(TwinError, match=problem):
+            run.plot("Place", interactive=False, **given)
+    with pytest.raises(TwinError, match=r"tip\.position is in m, which does not convert to N"):
+        run.plot("tip.position [N]")
     monkeypatch.setattr(plotting, "plot_figure", lambda *_, **__: None)
+    with pytest.raises(TwinError, match="in these variants and at these times"):
+        run.plot("Place", start=5)
     with pytest.raises(TwinError, match=r"none of the signals was recorded in these variants\. Choose others\."):
         run.plot("Place")
     run.summary["cases"], run.summary["reason"] = [], "no bus."
-    with pytest.raises(TwinError, match=r"nothing was run with these variants and seeds\. The run failed: no bus\."):
+    with pytest.raises(TwinError, match=r"nothing was run with 'PID'\. The run failed: no bus\."):
         run.plot("Place", variants="PID")
 
 
+def test_a_run_is_pickled_by_its_folder(run):
+    run.notes.append("a note")
+    again = pickle.loads(pickle.dumps(run))
+    assert (again.folder, again.notes, list(again)) == (run.folder, run.notes, list(run))
+    assert again["sensor.force"].equals(run["sensor.force"])
+
+
 def test_a_run_says_what_it_is(run):
+    single = open_run(folder_of(run.folder.parent / "single", {("PI", 1): (TIME, {"sensor.force": TIME})}, [FORCE]))
+    assert repr(single).endswith(", 1 variant x 1 seed>")
     assert repr(run) == f"<Run {run.folder}: completed, passed, 2 variants x 2 seeds>"
     assert ("tip.shape" in run, "tip.shape[1]" in run, 3 in run) == (True, False, False)
     with pytest.raises(TwinError, match=r"run/report\.html: does not exist\. Run the scenario with report=True\."):

@@ -5,11 +5,14 @@ Over 400 lines: all that `twin.run` takes and gives.
 
 import inspect
 import json
+import pickle
 import pydoc
 import re
 import shutil
 import subprocess
 import sys
+import threading
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -44,9 +47,17 @@ def test_help_on_a_function_that_is_also_a_package(name):
     assert inspect.signature(package) == inspect.signature(function)
     text = pydoc.render_doc(package, renderer=pydoc.plaintext)
     assert len(text.splitlines()) < 40
-    assert f"twin.{name}(\n" in text
+    assert text.startswith("Python Library Documentation: function in twin")
+    assert f"\ntwin.{name}(" in text
     assert all(line.strip() in text for line in inspect.getdoc(function).splitlines())
-    assert all(f"    {parameter}: " in text for parameter in inspect.signature(function).parameters)
+    assert all(f"{parameter}: " in text for parameter in inspect.signature(function).parameters)
+
+
+def test_help_on_the_package_lists_all_functions():
+    """`run`, `live`, `study` and `follow` were listed as data."""
+    text = pydoc.render_doc(twin, renderer=pydoc.plaintext)
+    assert "\nDATA\n" not in text
+    assert all(f"\n    {name} = twin.{name}(" in text.partition("\nFUNCTIONS\n")[2] for name in twin.PACKAGES)
 
 
 def test_a_file_that_is_wrong_lists_all_problems(tmp_path):
@@ -67,7 +78,7 @@ def test_set_gives_another_scenario(scenario, place, build):
     assert changed.seeds == (7,)
     reached = changed.run(out=place / "other", build=build, report=False, backend="interpreted").metrics
     assert reached.set_index("variant").value.to_dict() == {"plain": 6000.0, "strong": 6000.0, "more": 8000.0}
-    assert set(reached.verdict) == {"other", "info"}
+    assert set(reached.verdict) == {"other settings", "info"}  # as on the card
     for name, value in (
         ("part.gian", 1),
         ("prt.gain", 1),
@@ -87,7 +98,8 @@ def test_metrics_are_those_of_the_summary(run):
     assert frame[frame.seed == 1].set_index("variant").value.to_dict() == {"plain": 4000, "strong": 10000, "more": 4000}
     assert set(frame.unit) == {"mm"}
     assert frame.set_index("variant").verdict.to_dict() == {"plain": "pass", "strong": "info", "more": "info"}
-    assert run.expectations.verdict.tolist() == ["pass"]
+    assert run.requirements.verdict.tolist() == ["pass"]
+    assert run.expectations.equals(run.requirements)  # the former name
     assert (run.status, run.passed, run.variants, run.seeds) == ("completed", True, ("plain", "strong", "more"), (1, 2))
     assert run.report.read_text().startswith("<!doctype html>")
 
@@ -217,6 +229,58 @@ def test_a_scenario_is_run_or_stepped_with_values_in_one_call(place, build):
             simulation["part.push"] = "1000 mN"
             simulation.advance()
     assert simulation.results["part.place"].iloc[-1] == 4.0
+
+
+def test_all_problems_of_values_are_reported(place):
+    """Those of the file's keys and those of members' variables: the first alone was in `problems`."""
+    values = {"part.mass": "2 N", "step": "3 kg", "part.gian": 1}
+    with pytest.raises(ScenarioError) as caught:
+        twin.run(place / "pushed.yaml", values=values)
+    assert [line.partition("=")[0] for line in caught.value.problems] == ["set part.gian", "set part.mass", "set step"]
+    with pytest.raises(ScenarioError) as caught:
+        twin.load(place / "pushed.yaml")._with_values({"part.mass": "2 N", "part.gian": 1})
+    assert len(caught.value.problems) == 2
+
+
+def test_a_scenario_is_pickled(scenario, place, build):
+    """With what was set, for processes that run it; `live` has one case."""
+    faster = pickle.loads(pickle.dumps(scenario.set("part.gain", 4.0)))
+    assert (repr(faster), faster.checked.overrides) == (repr(scenario), ("part.gain=4.0",))
+    with faster.simulate("plain", backend="interpreted", build=build) as simulation:
+        assert simulation["part.gain"] == 4.0
+        assert simulation["part.gain [mm/N]"] == 4000.0
+        with pytest.raises(TwinError, match=r"part\.gain: m/N does not convert to kg\."):
+            simulation["part.gain [kg]"]
+    for chosen, kind in (({"variant": ["plain", "strong"]}, "variant"), ({"seed": [1, 2]}, "seed")):
+        with pytest.raises(TwinError, match=f"{kind}: a simulation has one, not 2"):
+            twin.live(scenario, **chosen, build=build)
+
+
+def test_one_thread_advances_a_simulation(scenario, build):
+    """Another is refused, and `close` waits for the end of the step: the members are freed after it."""
+    problems = []
+
+    def advance(_time):
+        thread = threading.Thread(target=interfere)
+        thread.start()
+        thread.join()
+
+    def interfere():
+        with pytest.raises(TwinError, match="another thread is advancing") as caught:
+            simulation.advance()
+        problems.append(caught.value)
+
+    simulation = scenario.simulate("plain", backend="interpreted", build=build)
+    simulation.advance("1 ms", progress=advance)
+    assert (bool(problems), simulation.time) == (True, 0.001)
+    simulation.rate = 0.1
+    thread = threading.Thread(target=lambda: simulation.advance("40 ms"))
+    thread.start()
+    while thread.is_alive() and simulation.time == 0.001:
+        time.sleep(0.001)
+    simulation.close()
+    thread.join()
+    assert 0.001 < simulation.results.time.iloc[-1] < 0.04
 
 
 def test_packages_that_are_functions_show_their_arguments():

@@ -69,6 +69,22 @@ def test_all_forms_do_the_same(system, build):
     assert all(table.equals(tables[0]) for table in tables)
 
 
+def test_what_is_set_is_read_back_at_once(build):
+    """Also of a member that steps later, which uses and records it from its next step."""
+    system = twin.System()
+    system.add("slow", Slow)
+    for backend in ("interpreted", "compiled"):
+        with system.simulate(backend=backend, build=build, record=["slow.gain"]) as simulation:
+            simulation.advance("13 ms")
+            simulation["slow.gain"] = "2000 mN"
+            assert simulation["slow.gain"] == 2.0
+            simulation.advance("20 ms")
+            assert simulation["slow.gain"] == 2.0
+        assert simulation.results["slow.gain"].tolist() == [1.0] * 20 + [2.0] * 14
+        with pytest.raises(twin.TwinError, match="with `live` or `simulate`"):
+            simulation.advance()
+
+
 def test_what_is_slow_is_seen_when_it_is_due(build):
     system = twin.System()
     system.add("slow", Slow)
@@ -113,6 +129,10 @@ def test_what_cannot_be_set_says_so(system, build):
         ):
             with pytest.raises(twin.TwinError, match=text):
                 simulation[name] = value
+        with pytest.raises(
+            UnknownNameError, match=r"'part' is a member\. Name a variable of it, such as part\.place, "
+        ):
+            simulation["part"]
         for name in ("part.psh", "prt.push", "part", "part.row[4]"):
             with pytest.raises(UnknownNameError):
                 simulation[name]

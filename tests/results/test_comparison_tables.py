@@ -314,6 +314,25 @@ def test_metrics_of_both_runs_are_a_table() -> None:
     assert "<table" not in Comparison((), (), (), 0.0)._repr_html_()
 
 
+def test_changes_have_the_units_of_the_tables() -> None:
+    """Of N beside mN, in both runs, as in `Run.metrics`: the tables mixed them."""
+
+    def of(force: float, error: float) -> dict[str, Any]:
+        values = {"force": ("mN", force), "error": ("N", error)}
+        return {
+            "metrics": {
+                name: {"unit": unit, "variants": {"PI": {"values": {"1": value}}}}
+                for name, (unit, value) in values.items()
+            }
+        }
+
+    changes = metric_changes(of(200.1, 0.03561), of(200.1, 0.03555))
+    assert [(each.metric, each.unit, each.first, each.second) for each in changes] == [
+        ("error", "mN", 35.61, 35.55),
+        ("force", "mN", 200.1, 200.1),
+    ]
+
+
 def test_noise_around_zero_does_not_come_first() -> None:
     """A change within the spread of the seeds is the last, however large its ratio; verdicts: new failures first."""
 

@@ -88,6 +88,10 @@ class ResolvedConnection:
 def find(path: str, catalog: Catalog) -> Reference:
     """Resolve `member.variable` or `member.variable[2]`; CouplingError with a suggestion if it does not exist."""
     member, dot, name = path.partition(".")
+    if not dot and member in catalog:
+        own = sorted(catalog[member], key=lambda name: catalog[member][name].causality != "output")
+        examples = ", ".join(f"{member}.{name}" for name in own[:3])
+        raise CouplingError(f"{path!r} is a member. Name a variable of it, such as {examples}.")
     if not dot or member not in catalog:
         raise CouplingError(f"{path!r}: no member {member!r}. {nearest(member, catalog)}")
     variables = catalog[member]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.component import unit
+from twin.face.conversions import convert
 from twin.installed import import_optional
 from twin.results import readable_recording
 
@@ -23,7 +24,8 @@ if TYPE_CHECKING:
     Cases = Mapping[tuple[str, int], Signals]
 
 METRICS = ("metric", "variant", "seed", "value", "unit", "paper", "ratio", "verdict")
-EXPECTATIONS = ("name", "verdict", "detail")
+REQUIREMENTS = ("name", "verdict", "detail")
+VERDICTS = {"none": "no value", "other": "other settings", "cut": "run too short"}  # in words, as on the card
 
 
 def array(variable: RecordedVariable, cases: Cases) -> xr.DataArray:
@@ -57,6 +59,14 @@ def array(variable: RecordedVariable, cases: Cases) -> xr.DataArray:
     notes = {"units": variable.unit, "display_units": variable.display_unit, "long_name": variable.description}
     attributes = {key: text for key, text in notes.items() if text or key == "units"}
     return xarray.DataArray(data, coordinates, ["time", "variant", "seed", *axes], variable.name, attributes)
+
+
+def in_unit(values: xr.DataArray, symbol: str, is_difference: bool) -> xr.DataArray:
+    """Return values in another unit; TwinError if they do not convert. `is_difference`: the offset of a unit does not matter."""
+    factor, offset = convert(values.attrs.get("units", ""), symbol, str(values.name))
+    converted = values * factor + (0.0 if is_difference else offset)
+    attributes = {key: text for key, text in values.attrs.items() if key != "display_units"}
+    return converted.assign_attrs({**attributes, "units": symbol})
 
 
 def dataset(
@@ -119,7 +129,7 @@ def metrics(summary: Mapping[str, Any]) -> MetricTable:
             units[name],
             in_unit(name, figures["paper"]),
             None,
-            figures["verdict"],
+            VERDICTS.get(figures["verdict"], figures["verdict"]),
         )
         for name, metric in summary["metrics"].items()
         for variant, figures in metric["variants"].items()
@@ -130,7 +140,14 @@ def metrics(summary: Mapping[str, Any]) -> MetricTable:
     return table
 
 
-def expectations(summary: Mapping[str, Any]) -> pd.DataFrame:
-    """Return a row for each expectation."""
-    rows = [[outcome[key] for key in EXPECTATIONS] for outcome in summary["expectations"]]
-    return import_optional("pandas", "python", "a DataFrame").DataFrame(rows, columns=EXPECTATIONS)
+def requirements(summary: Mapping[str, Any]) -> MetricTable:
+    """Return a row for each requirement."""
+    return table([[each[key] for key in REQUIREMENTS] for each in summary["expectations"]], REQUIREMENTS)
+
+
+def table(rows: Sequence[Any], columns: Sequence[str] | None = None) -> MetricTable:
+    """Return rows as a DataFrame that prints all columns; without `columns`, rows are dicts."""
+    import_optional("pandas", "python", "a DataFrame")
+    from twin.results import MetricTable
+
+    return MetricTable(rows, columns=columns)

@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
-from twin.errors import TwinError, nearest
+from twin.component import unit
+from twin.errors import CouplingError, TwinError, nearest
 from twin.scenario import duration
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-OPTION = re.compile(r"--([a-z]+(?:-[a-z]+)*)(?: (?=[\d\"]))?")
+OPTION = re.compile(r"--([a-z]+(?:-[a-z]+)*)(?: (?=[\d\"]))?(\d+[a-z]+)?")
 ARGUMENTS = {  # arguments of Python by option of the command line, where the names differ
     "set": "set ",
     "runs": "out=",
@@ -32,10 +33,10 @@ ARGUMENTS = {  # arguments of Python by option of the command line, where the na
 
 
 def argument(option: re.Match[str]) -> str:
-    """Return `--stop-time 1` as `stop_time=1`."""
-    name, given = option[1], option[0].endswith(" ")
+    """Return `--stop-time 1` as `stop_time=1`, and `--stop-time 1s` as `stop_time="1s"`."""
+    name, given = option[1], " " in option[0]
     text = ARGUMENTS.get(name, f"{name.replace('-', '_')}=")
-    return text if given else text.rstrip(" =")
+    return text + (f'"{option[2]}"' if option[2] else "") if given else text.rstrip(" =")
 
 
 @contextmanager
@@ -47,6 +48,14 @@ def python_option_names() -> Iterator[None]:
         error.problems = [OPTION.sub(argument, line) for line in error.problems]
         error.args = ("\n".join(error.problems),)
         raise
+
+
+def convert(source: str, target: str, name: str) -> tuple[float, float]:
+    """Return factor and offset from a unit to another; TwinError with the name of the signal if they do not convert."""
+    try:
+        return unit.conversion(source or "1", target, name)
+    except CouplingError as error:
+        raise TwinError(str(error).removesuffix(" Connect quantities of one kind.")) from None
 
 
 def plain(value: Any) -> Any:

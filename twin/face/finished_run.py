@@ -12,17 +12,20 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest, quote_names
+from twin import clock
+from twin.errors import ScenarioError, TwinError, UnknownNameError, quote_names
 from twin.face import arrays, notebook
 from twin.face.conversions import as_list, choice, mapping, nanoseconds, override_text, python_option_names
 from twin.face.interactive import interactive_figure, is_plotly_installed
 from twin.face.progress import in_notebook
-from twin.face.signal_names import array_of, find_variable, flatten, internal_names, names_of
+from twin.face.signal_names import array_of, describe_unknown, find_variable, flatten, internal_names, names_of
+from twin.files import split_unit
 from twin.results import (
     Plot,
     PlotCurve,
     RecordedVariable,
     Signals,
+    Window,
     compare_runs,
     dimension,
     export,
@@ -43,7 +46,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-    from twin import clock
     from twin.face.scenario import Scenario
     from twin.results import Comparison, Expression
     from twin.scenario import ScenarioSpec
@@ -60,7 +62,18 @@ def open_run(path: str | Path) -> Run:
 
 
 CARD_WIDTH = 6.4  # of the plot in a notebook [in]: its letters stay legible where the notebook is narrow
-OPERATORS = "+-*/("  # signs that an expression has, and few names
+OPERATORS = "+-*/(<>="  # signs that an expression has, and few names
+
+
+def in_window(plot: Plot, start: float | str | None, stop: float | str | None) -> Plot:
+    """Return a plot from `start` to `stop`, each that of the plot if None."""
+    begin = plot.window.start_ns if start is None else nanoseconds(start, "start")
+    end = plot.window.stop_ns if stop is None else nanoseconds(stop, "stop")
+    if begin is not None and end is not None and begin >= end:
+        raise TwinError(
+            f"start: {clock.text(begin)} is not before {clock.text(end)}. Give an earlier start, or a later stop."
+        )
+    return replace(plot, window=Window(begin, end))
 
 
 class Run:
@@ -92,7 +105,7 @@ class Run:
 
     @property
     def passed(self) -> bool:
-        """Whether the run is complete and all expectations are met."""
+        """Whether the run is complete and all judged requirements are met."""
         return bool(self.summary["passed"])
 
     @property
@@ -117,9 +130,11 @@ class Run:
         return arrays.metrics(self.summary)
 
     @property
-    def expectations(self) -> pd.DataFrame:
-        """Columns name, verdict, detail."""
-        return arrays.expectations(self.summary)
+    def requirements(self) -> pd.DataFrame:
+        """Columns name, verdict (pass, fail or skipped: not judged), detail."""
+        return arrays.requirements(self.summary)
+
+    expectations = requirements  # the former name
 
     @property
     def report(self) -> Path:
@@ -182,8 +197,8 @@ class Run:
     def __getitem__(self, name: str | list[str]) -> Any:
         """Return a variable over time x variant x seed (x element_of_N), in its own unit `.attrs["units"]`, as a DataArray.
 
-        Also an expression, such as `sensor.force - wall.force`; a list of variables or a pattern, such as `sensor.*`, as a
-        Dataset. Variants that did not record it are omitted.
+        Also an expression, such as `sensor.force - wall.force`; either in another unit: `sensor.force [mN]`. A list of
+        variables or a pattern, such as `sensor.*`, gives a Dataset. Variants that did not record it are omitted.
         """
         if not self.variants:
             raise TwinError(f"{self.folder}: no case has run, so there are no signals. {self.reason}".rstrip())
@@ -193,6 +208,10 @@ class Run:
         if not isinstance(name, str):
             example = 'run["sensor.force"].sel(variant="PI", seed=1)'
             raise UnknownNameError(f"{self.folder}: {name!r} is not the name of a signal. Use, for example, {example}.")
+        base, symbol = split_unit(name)
+        if symbol and name not in self:
+            is_difference = base not in self and dimension.is_difference(self._parsed(base, list(self)))
+            return arrays.in_unit(self[base], symbol, is_difference)
         if name not in self and array_of(name, self._recorded) is None and any(sign in name for sign in OPERATORS):
             return self._evaluated(name)
         variable = self.variable(name)
@@ -219,8 +238,10 @@ class Run:
         try:
             parsed = expression.parse(text)
         except ScenarioError as error:
+            is_expression = any(sign in text.rstrip("*") for sign in OPERATORS)
+            reason = f", and {str(error).rstrip('.')}" if is_expression else ""
             raise UnknownNameError(
-                f"{self.folder}: {text!r} was not recorded, and {str(error).rstrip('.')}. {nearest(text, candidates)}"
+                f"{self.folder}: {describe_unknown(text, self._recorded, candidates, reason)}"
             ) from None
         for signal in parsed.signals:
             self.variable(str(signal))
@@ -288,14 +309,19 @@ class Run:
         *what: str | Sequence[str],
         variants: str | Sequence[str] = (),
         seeds: int | Sequence[int] = (),
+        start: float | str | None = None,
+        stop: float | str | None = None,
+        xy: tuple[str, str] | None = None,
         interactive: bool | None = None,
     ) -> Any:
         """Return a figure: plots of the scenario by title, or any signals, one panel for each unit.
 
         Signals may be patterns, such as `sensor.*`, or expressions, such as `abs(sensor.force - controller.setpoint)`. Without
-        names: all plots. `interactive`: as a figure of plotly instead of Matplotlib; by default in notebooks if it is installed.
+        names: all plots. `start`, `stop`: times, such as `"12 s"`, instead of those of the plots. `xy`: a signal and the one over
+        which it is plotted, horizontal first, as in a scenario. `interactive`: as a figure of plotly instead of Matplotlib; by
+        default in notebooks if it is installed.
         """
-        plots = self._chosen_plots(flatten(what))
+        plots = [in_window(plot, start, stop) for plot in self._chosen_plots(flatten(what), xy)]
         expressions = [
             operand for plot in plots for curve in plot.curves for operand in (curve.signal, curve.x) if operand
         ]
@@ -308,38 +334,57 @@ class Run:
             for (variant, seed), signals in cases.items()
             if variant in (as_list(variants) or self.variants) and seed in (as_list(seeds) or self.seeds)
         }
-        if not chosen:
+        names_of_cases = (*self.variants, *self.seeds)
+        unknown = [name for name in (*as_list(variants), *as_list(seeds)) if name not in names_of_cases]
+        if not chosen or unknown:
             remedy = (
                 f"There are variants {', '.join(quote_names(self.variants))}; seeds {', '.join(map(str, self.seeds))}."
                 if self.variants
                 else f"The run failed: {self.reason}"
             )
-            raise TwinError(f"{self.folder}: nothing was run with these variants and seeds. {remedy}")
+            which = f"{unknown[0]!r}" if unknown else "these variants and seeds"
+            raise TwinError(f"{self.folder}: nothing was run with {which}. {remedy}")
         marks = [row.annotation for row in event_rows(self._checked.variants, self.summary.get("conditions", ()))]
         if interactive is None:
             interactive = in_notebook() and is_plotly_installed()
         draw = interactive_figure if interactive else partial(plotting.plot_figure, titled=True)
         if (figure := draw(plots, chosen, marks)) is None:
-            raise TwinError(f"{self.folder}: none of the signals was recorded in these variants. Choose others.")
+            during = "" if start is None and stop is None else " and at these times"
+            raise TwinError(
+                f"{self.folder}: none of the signals was recorded in these variants{during}. Choose others."
+            )
         if not interactive:
             figure._repr_html_ = partial(notebook.figure, figure)
         return figure
 
-    def _chosen_plots(self, what: Sequence[str]) -> list[Plot]:
-        """Return the scenario's plots with these titles, then those of signals; by default all, or some signals without any."""
+    def _chosen_plots(self, what: Sequence[str], xy: Sequence[str] | None) -> list[Plot]:
+        """Return the scenario's plots with these titles, those of signals and `xy`; by default all, or some signals without any."""
         own = {plot.title: plot for plot in self._checked.plots}
-        plots = [self._in_unit(own[title]) for title in (what or own) if title in own]
+        plots = [self._in_unit(own[title]) for title in (what or own) if title in own and (what or not xy)]
+        if xy:
+            if isinstance(xy, str) or len(xy) != 2:
+                raise TwinError(
+                    f'xy: {xy!r} is not two signals. Give, for example, ("heart.position", "sensor.force").'
+                )
+            (x_unit, across), (unit, up) = (self._with_unit(text, [*self]) for text in xy)
+            curve = PlotCurve(up, up.text, across)
+            plots.append(Plot("", (curve,), curve.label, unit, x_unit=x_unit, per_variant=True))
         scalars = [name for name in self if not self._recorded[name].shape]
-        signals = [name for text in what if text not in own for name in self._names_of(text, scalars)]
+        signals = [
+            name
+            for text in what
+            if text not in own
+            for name in self._names_of(text, scalars if fnmatch.filter(scalars, text) else self)
+        ]
         plots += self._of_signals(list(dict.fromkeys(signals)), own)
-        return plots or self._of_signals(scalars[:4], own)
+        return plots or self._of_signals(scalars[:4], own)  # a scenario without plots
 
     def _of_signals(self, texts: list[str], titles: dict[str, Plot]) -> list[Plot]:
         """Return plots of signals, one for each unit."""
         groups: dict[str, list[PlotCurve]] = {}
         for text in texts:
-            parsed = self._parsed(text, [*titles, *self])
-            groups.setdefault(self._unit(parsed), []).append(PlotCurve(parsed, text))
+            unit, parsed = self._with_unit(text, [*titles, *self])
+            groups.setdefault(unit, []).append(PlotCurve(parsed, parsed.text))
         return [
             Plot(
                 "",
@@ -350,6 +395,14 @@ class Run:
             )
             for unit, curves in groups.items()
         ]
+
+    def _with_unit(self, text: str, candidates: Sequence[str]) -> tuple[str, Expression]:
+        """Return the unit of an expression and itself: that of `sensor.force [mN]`, else its display unit."""
+        base, symbol = split_unit(text)
+        parsed = self._parsed(base, candidates)
+        if symbol and not self._measure(parsed).converts_to(symbol, is_scaled=False):
+            raise TwinError(f"{base} {self._measure(parsed).text}, which does not convert to {symbol}.")
+        return symbol or self._unit(parsed), parsed
 
     def _in_unit(self, plot: Plot) -> Plot:
         """Return a plot in the unit of its first signal if it has none and all signals have one dimension."""
@@ -375,8 +428,13 @@ class Run:
         units: dict[str, str | None] = {name: self._recorded[name].unit for name in names_of(parsed) if name in self}
         return dimension.expression_measure(parsed, units)
 
+    def __getstate__(self) -> dict[str, Any]:
+        # the rest is read again from the folder
+        return {"folder": self.folder.absolute(), "summary": self.summary, "notes": self.notes, "_scenario": None}
+
     def __repr__(self) -> str:
-        cases = f"{len(self.variants)} variants x {len(self.seeds)} seeds"
+        counts = (("variant", len(self.variants)), ("seed", len(self.seeds)))
+        cases = " x ".join(f"{count} {kind}{'s' * (count != 1)}" for kind, count in counts)
         return f"<Run {self.folder}: {self.status}, {'passed' if self.passed else 'not passed'}, {cases}>"
 
     def __str__(self) -> str:
@@ -390,10 +448,10 @@ class Run:
             notebook.links(self.folder),
             notebook.paragraph(self.summary.get("sentence", "")),
             *map(notebook.paragraph, self.notes),
-            notebook.expectations(failures),
+            notebook.requirements(failures),
             notebook.verdicts(self.summary),
             notebook.plot(self._first_plot()),
-            notebook.folded("All requirements", notebook.expectations(self.summary["expectations"])),
+            notebook.folded("All requirements", notebook.requirements(self.summary["expectations"])),
             notebook.folded("System", notebook.scenario_system(self._checked)),
         )
 

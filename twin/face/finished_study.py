@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
-from twin.face import notebook
+from twin.face import arrays, notebook
 from twin.face.conversions import check_file, choice, plain, python_option_names
 from twin.face.finished_run import Run
 from twin.face.progress import progress_callback
@@ -38,7 +38,7 @@ def study(
     """Run a study file, by its path or the name of a shipped one, as `twin study`; ScenarioError with all `problems`.
 
         study = twin.study("few_patients.yaml", progress=True)
-        study.cases; study.expectations; study.worst.plot()
+        study.cases; study.requirements; study.worst.plot()
 
     `progress`: True for a bar, or a callback with a text and the completed fraction. `workers`: processes, by default one per
     core. `resume`: continue the newest run of the study. After Ctrl-C the `status` is `interrupted`, and finished cases are kept.
@@ -75,7 +75,7 @@ def open_study(path: str | Path) -> StudyResult:
 
 
 class StudyResult:
-    """Results of a study: `cases`, `metrics`, `expectations`, `sentences`; `worst` and `case(number)` as a `Run`.
+    """Results of a study: `cases`, `metrics`, `requirements`, `sentences`; `worst` and `case(number)` as a `Run`.
 
     `manifest`: content of manifest.json.
     """
@@ -115,11 +115,16 @@ class StudyResult:
             raise TwinError(f"{self.folder}: no case is worse by a requirement. Use `case(worst_case(METRIC))`.")
         return self.case(numbers[0], out=self.folder.parents[1])
 
+    @property
+    def report(self) -> Path:
+        """report.html."""
+        return self.folder / "report.html"
+
     @cached_property
     def cases(self) -> pd.DataFrame:
-        """A row for each case: factors, metrics in the units of the report, `holds: EXPECTATION`, status; units in `.attrs["units"]`.
+        """A row for each case: factors, metrics in the units of the report, `holds: REQUIREMENT`, status; units in `.attrs["units"]`.
 
-        `margin: EXPECTATION`: distance to its nearest limit; negative if violated.
+        `margin: REQUIREMENT`: distance to its nearest limit; negative if violated.
         """
         import_optional("pandas", "python", "a DataFrame")
         from pyarrow import parquet
@@ -157,15 +162,17 @@ class StudyResult:
             row["deviation"] = None if deviation is None else deviation / factor
             row["worst case"] = max(spread["least"], spread["most"], key=lambda end: abs(end[1]))[0]
             rows.append(row)
-        return import_optional("pandas", "python", "a DataFrame").DataFrame(rows)
+        return arrays.table(rows)
 
     @property
-    def expectations(self) -> pd.DataFrame:
-        """A row for each expectation and variant: met and judged cases, pass rate with its confidence interval, failing cases."""
+    def requirements(self) -> pd.DataFrame:
+        """A row for each requirement and variant: met and judged cases, pass rate with its confidence interval, failing cases."""
         names = {"name": "name", "variant": "variant", "met_count": "met", "count": "count", "part": "pass rate"}
         names |= {"low": "low", "high": "high", "failing": "failing cases"}
         rows = [{names[key]: share[key] for key in names} for share in self.answers["expectations"]]
-        return import_optional("pandas", "python", "a DataFrame").DataFrame(rows, columns=list(names.values()))
+        return arrays.table(rows, list(names.values()))
+
+    expectations = requirements  # the former name
 
     def worst_case(self, metric: str, variant: str | None = None) -> int:
         """Return the number of the case with the largest magnitude of a metric, of the samples of a variant or of all."""
@@ -206,7 +213,7 @@ class StudyResult:
             ]
             for rate in sorted(self.answers["expectations"], key=lambda rate: rate["part"])
         ]
-        table = notebook.table({"expectation": "text", "pass rate": "number", "cases": "number"}, rates)
+        table = notebook.table({"requirement": "text", "pass rate": "number", "cases": "number"}, rates)
         return notebook.page(
             notebook.heading(self.title),
             notebook.paragraph(self._state),

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
+from twin.face import arrays
 from twin.results import common_format, count_verdicts, display_units, figure_files, format_value, si_conversion
 from twin.structure import picture, short_name
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from twin.scenario import ScenarioSpec
 
 STYLE = """<style>
-.twin { max-width: 900px; }
+.twin { max-width: 900px; container-type: inline-size; }
 .twin .wide { overflow-x: auto; }
 .twin .plot svg { display: block; max-width: 100%; height: auto; fill: currentColor; }
 .twin a:any-link { color: inherit; text-decoration: underline; }
@@ -26,7 +27,11 @@ STYLE = """<style>
 .twin table { border-collapse: collapse; margin: 8px 0; font-variant-numeric: tabular-nums; }
 .twin th, .twin td { padding: 3px 10px 3px 0; text-align: left; vertical-align: top; border: 0; border-bottom: 1px solid #8884;
   background: none; }
-.twin th.number, .twin td.number { text-align: right; white-space: nowrap; }
+.twin .number, .twin .paper { text-align: right; white-space: nowrap; }
+@container (max-width: 560px) {
+  .twin table { font-size: .85em; } .twin th, .twin td { padding-right: 6px; } .twin th.paper, .twin td.paper { display: none; }
+  .twin td.detail { overflow-wrap: anywhere; }
+}
 .twin b.pass { color: #2a9d6f; } .twin b.fail, .twin b.none { color: #e0525f; } .twin b.other, .twin b.cut { color: #d08a1d; }
 .twin b.skipped, .twin b.info { opacity: .6; font-weight: 400; }
 .twin summary { cursor: pointer; margin: 8px 0; }
@@ -41,14 +46,7 @@ PLOT_COLORS = {  # of a plot on white -> of one on any background
 }
 CASES = 12  # variants, seeds and rows that are listed
 FAILED = ("fail", "none")  # verdicts
-WORDS = {
-    "pass": "✓ pass",
-    "fail": "✗ fail",
-    "none": "no value",
-    "info": "-",
-    "other": "other settings",
-    "cut": "run too short",
-}
+WORDS = {"pass": "✓ pass", "fail": "✗ fail", "info": "-", "skipped": "not judged", **arrays.VERDICTS}
 NOTES = {
     "other": "Other settings than the paper's: not comparable.",
     "cut": "Run too short: it ends before the window of the metric.",
@@ -186,24 +184,27 @@ def metric_table(rows: Iterable[Mapping[str, str]]) -> str:
         texts = [title * (row["metric"] != last), escape(row["variant"]), *(escape(row[key]) for key in keys)]
         cells.append([*texts, verdict(row["verdict"])])
         last = row["metric"]
-    titles = {"metric": "text", "variant": "text", **dict.fromkeys(keys, "number"), "verdict": "text"}
+    kinds = {"mean": "number", "paper": "paper", "ratio": "number"}  # without room, the ratio suffices
+    titles = {"metric": "text", "variant": "text", **{key: kinds[key] for key in keys}, "verdict": "text"}
     return table(titles, cells)
 
 
-def expectations(outcomes: Iterable[Mapping[str, Any]]) -> str:
-    """Return the table of some expectations."""
+def requirements(outcomes: Iterable[Mapping[str, Any]]) -> str:
+    """Return the table of some requirements."""
     rows = [[verdict(outcome["verdict"]), escape(outcome["name"]), escape(outcome["detail"])] for outcome in outcomes]
-    return table({"": "text", "requirement": "text", "result": "text"}, rows)
+    return table({"": "text", "requirement": "text", "result": "detail"}, rows)
 
 
 def outcome(summary: Mapping[str, Any]) -> tuple[str, str]:
     """Return the kind of the outcome of a run, pass or fail, and its text."""
     met, judged = count_verdicts(summary)
+    skipped = [each["verdict"] for each in summary["expectations"]].count("skipped")
+    text = (f"{met} of {judged} requirements met" if judged else "completed") + f", {skipped} not judged" * bool(
+        skipped
+    )
     if summary["status"] != "completed":
         return "fail", f"{summary['status']}: {summary['reason']}"
-    if not summary["passed"]:
-        return "fail", f"✗ {met} of {judged} requirements met"
-    return "pass", f"✓ {met} of {judged} requirements met" if judged else "✓ completed"
+    return ("pass", f"✓ {text}") if summary["passed"] else ("fail", f"✗ {text}")
 
 
 def cases(summary: Mapping[str, Any]) -> str:
@@ -228,7 +229,7 @@ def links(folder: Path, command: str = "twin view") -> str:
     pages = {"Report": folder / "report.html", "Viewer": folder / "signals.html"}
     parts = [f'<a href="{escape(link(path))}">{name}</a>' for name, path in pages.items() if path.exists()]
     if command and not pages["Viewer"].exists():
-        parts.append(f"curves in a terminal: <code>{command} {escape(shown(folder))}</code>")
+        parts.append(f"Curves: type <code>{command} {escape(shown(folder))}</code> in a terminal")
     return f"<p>{' · '.join(parts)}</p>"
 
 

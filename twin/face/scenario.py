@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin.component import Component
-from twin.errors import ScenarioError, quote_names
+from twin.errors import ScenarioError, TwinError, quote_names
 from twin.face import notebook
 from twin.face.conversions import (
     as_list,
@@ -100,13 +100,17 @@ class Scenario:
         `stop_time`, `step`, `seeds`, ... `value`: text with a unit, a number in SI, a list or an array; for a component
         also a class. It applies to all variants, also where a variant sets the value: name the variant to change only this one.
         """
-        classes = dict(self._classes)
-        if isinstance(value, type):
-            text = reference(value, classes)
-            classes[text] = value
-            value = text
+        return self._with_values({name: value})
+
+    def _with_values(self, values: Mapping[str, Any]) -> Scenario:
+        classes, overrides = dict(self._classes), []
+        for name, value in values.items():
+            text = reference(value, classes) if isinstance(value, type) else override_text(value)
+            if isinstance(value, type):
+                classes[text] = value
+            overrides.append(f"{name}={text}")
         with python_option_names():
-            scenario = Scenario(changed(self.checked, [f"{name}={override_text(value)}"]), classes)
+            scenario = Scenario(changed(self.checked, overrides), classes)
             resolve_catalogs(scenario.checked)
         return scenario
 
@@ -157,11 +161,18 @@ class Scenario:
         `variant`, `seed`: the first of the scenario by default. Events of the scenario happen at their time, and the signals
         of `record` are in its `results`. `backend`: compiled, fmu or interpreted.
         """
+        for kind, names in (("variant", as_list(variant)), ("seed", as_list(seed))):
+            if len(names) > 1:
+                raise TwinError(f"{kind}: a simulation has one, not {len(names)}. Give one, or use `run`.")
         cases = self.checked.cases(as_list(variant), integers(seed, "seed"))
         case = cases[0]
         refuse_faults([case], None)
         catalog = resolve_catalogs(self.checked)[case.variant]
         return Simulation(case, catalog, Backend(choice(backend, Backend, "backend")), Path(build), True, False)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # variants have generated classes; they are resolved again from the content of the file
+        return restored, (replace(self.checked, variants=()), self._classes)
 
     def __repr__(self) -> str:
         variants, seeds = ", ".join(quote_names(self.variants)), ", ".join(map(str, self.seeds))
@@ -178,6 +189,11 @@ class Scenario:
             notebook.table({"variant": "text", "what": "text"}, titles if len(titles) > 1 else []),
             notebook.scenario_system(checked),
         )
+
+
+def restored(checked: ScenarioSpec, classes: Mapping[str, type[Component]]) -> Scenario:
+    """Return a pickled scenario."""
+    return Scenario(replace(changed(checked, ()), name=checked.name), classes)
 
 
 def reference(cls: type, classes: Mapping[str, type[Component]]) -> str:
@@ -253,10 +269,9 @@ def with_values(scenario: str | Path | Scenario | Run, values: Mapping[str, Any]
     """Return a scenario, or that of a run, with changed values."""
     if isinstance(scenario, Run):
         scenario = scenario.scenario
-    changed = scenario if isinstance(scenario, Scenario) else load(scenario)
-    for name, value in mapping(values, "values", '{"heart.rate": "1.4 Hz"}').items():
-        changed = changed.set(name, value)
-    return changed
+    original = scenario if isinstance(scenario, Scenario) else load(scenario)
+    changes = mapping(values, "values", '{"heart.rate": "1.4 Hz"}')
+    return original._with_values(changes) if changes else original
 
 
 def follow(

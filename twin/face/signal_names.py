@@ -38,12 +38,25 @@ def names_of(parsed: Expression) -> list[str]:
     return list(dict.fromkeys(signal.name for signal in parsed.signals))
 
 
+def describe_unknown(
+    name: str, recorded: Mapping[str, RecordedVariable], candidates: Iterable[str] = (), reason: str = ""
+) -> str:
+    """Return a sentence on a name that was not recorded: the signals of a member of that name, or similar names."""
+    names = sorted(recorded, key=lambda signal: recorded[signal].shape != ())  # stable: scalars first
+    if own := [signal for signal in names if signal.startswith(f"{name}.")]:
+        return (
+            f"{name!r} is a member. Name a signal of it, such as {', '.join(map(repr, own[:3]))}, or all: '{name}.*'."
+        )
+    patterns = [] if "." in name else [f"{signal.partition('.')[0]}.*" for signal in names]
+    return f"{name!r} was not recorded{reason}. {nearest(name, [*(candidates or names), *patterns])}"
+
+
 def find_variable(name: str, recorded: Mapping[str, RecordedVariable], folder: Path) -> RecordedVariable:
     """Return a recorded variable or element, counted from 1; UnknownNameError if there is none."""
     if name in recorded:
         return recorded[name]
     if (variable := array_of(name, recorded)) is None:
-        raise UnknownNameError(f"{folder}: {name!r} was not recorded. {nearest(name, recorded)}")
+        raise UnknownNameError(f"{folder}: {describe_unknown(name, recorded)}")
     if name in variable.columns and variable.shape:
         return replace(variable, name=name, shape=())
     size, last = (sign.join(map(str, variable.shape)) for sign in (" x ", ","))

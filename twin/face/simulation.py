@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time as wall
 import weakref
 from html import escape
@@ -15,7 +16,8 @@ from twin.coupling import MemoryRecorder, find
 from twin.errors import CouplingError, SimulationError, TwinError, UnknownNameError
 from twin.face import notebook
 from twin.face.arrays import frame
-from twin.face.conversions import finite, nanoseconds
+from twin.face.conversions import convert, finite, nanoseconds
+from twin.files import split_unit
 from twin.live import Pace, checked_rate
 from twin.run import apply_event, build_simulation, recorded_signals
 from twin.scenario import Backend, EventSpec, event_problems, has_source
@@ -48,11 +50,13 @@ class Simulation:
             [] if backend is Backend.interpreted else sourceless(member.made for member in self._case.members.values())
         )
         self._failed = ""
+        self._set_keys: set[tuple[str, str]] = set()  # of variables that the person has set, and not overridden since
         self._signals: Signals | None = None
         self.rate = inf
         self._simulated = build_simulation(self._case, catalog, backend, build, MemoryRecorder(BUFFER_BYTES))
         if silent:
             self._simulated.recorded = []
+        self._lock, self._is_closing = threading.RLock(), False
         self._close = weakref.finalize(self, self._simulated.terminate)
         self._catalog = {name: member.variables for name, member in self._simulated.members.items()}
         try:
@@ -116,6 +120,16 @@ class Simulation:
         simulation before; if it ends it now, `finished` is set. Recorded signals are kept. `progress` is called with the time [s]
         about twenty times a second.
         """
+        if not self._lock.acquire(blocking=False):
+            raise TwinError("advance: another thread is advancing the simulation. Wait for it, or create another one.")
+        try:
+            return self._advance(duration, until, progress)
+        finally:
+            self._lock.release()
+
+    def _advance(
+        self, duration: float | str | None, until: float | str | None, progress: Callable[[float], object] | None
+    ) -> float:
         self._check_open()
         if self.finished:
             raise SimulationError(f"advance: the simulation has ended: {self.reason} Create a new one.")
@@ -134,10 +148,10 @@ class Simulation:
 
         report = None if progress is None else lambda time: progress(clock.seconds(time))
         try:
-            while self._events and self._events[0].time_ns <= end and not self.finished:
+            while self._events and self._events[0].time_ns <= end and not (self.finished or self._is_closing):
                 self._advance_paced(self._events[0].time_ns, report)
                 self._apply_due_events()
-            if not self.finished:
+            if not (self.finished or self._is_closing):
                 self._advance_paced(end, report)
         except SimulationError as error:
             self._failed = str(error)
@@ -153,7 +167,7 @@ class Simulation:
         if not self._is_scheduled:
             pace.begin(wall.monotonic(), self.time)
             self._is_scheduled = True
-        while simulated.time < end and not self.finished:
+        while simulated.time < end and not (self.finished or self._is_closing):
             before, begin = simulated.time, wall.monotonic()
             simulated.advance(min(end, before + pace.count() * self._case.step_ns), report)
             count = (simulated.time - before) // self._case.step_ns
@@ -166,11 +180,22 @@ class Simulation:
             apply_event(self._events.pop(0), self._case, self._simulated, self._catalog)
 
     def __getitem__(self, name: str) -> Any:
-        """Return the current value of a variable or element `member.x[1]`, in its own unit: number, Boolean, text or array."""
+        """Return the current value of a variable or element `member.x[1]`: number, Boolean, text or array.
+
+        It is in the variable's own unit, or in that of a name like `wall.force [mN]`.
+        A parameter or input that was set has its new value at once; the member uses it from its next step.
+        """
         self._check_open()
+        base, symbol = split_unit(name)
+        if symbol:
+            factor, offset = convert(self._find(base).variable.unit, symbol, base)
+            return self[base] * factor + offset
         reference = self._find(name)
         variable = reference.variable
-        value = self._simulated.value(reference.key)
+        if reference.key in self._set_keys:  # published at the member's next step
+            value = np.asarray(self._simulated.members[reference.member].get(variable.name))
+        else:
+            value = self._simulated.value(reference.key)
         if variable.type == "Boolean":
             value = value.astype(np.bool_)  # a C int in FMI 2.0, a byte in an array
         if reference.element is not None:
@@ -183,7 +208,7 @@ class Simulation:
         return declaration
 
     def __setitem__(self, name: str, value: Any) -> None:
-        """Set a tunable parameter or a free input, as text with a unit or in SI, from now on."""
+        """Set a tunable parameter or a free input, as text with a unit or in SI, from the member's next step on."""
         self._happen("set", name, value)
 
     def override(self, name: str, value: Any) -> None:
@@ -202,6 +227,7 @@ class Simulation:
         if problems := event_problems(event, self._catalog, self._targets):
             raise CouplingError(problems)
         apply_event(event, self._case, self._simulated, self._catalog)
+        (self._set_keys.add if kind == "set" else self._set_keys.discard)(self._find(name).key)
 
     def _find(self, name: str) -> Any:
         try:
@@ -217,7 +243,7 @@ class Simulation:
 
     def _check_open(self) -> None:
         if not self._close.alive:
-            raise TwinError(f"{WHERE}: is closed. Create a new one with `simulate`.")
+            raise TwinError(f"{WHERE}: is closed; `results` stay. Create a new one with `live` or `simulate`.")
         if self._failed:
             raise SimulationError(f"{WHERE}: has failed: {self._failed}")
 
@@ -249,9 +275,11 @@ class Simulation:
 
     def close(self) -> None:
         """Free all members; `results` stay. Safe to call twice."""
-        if self._close.alive:
-            self._signals = self._recorded()
-            self._close()
+        self._is_closing = True  # ends `advance` in another thread
+        with self._lock:
+            if self._close.alive:
+                self._signals = self._recorded()
+                self._close()
 
     def __enter__(self) -> Self:
         return self

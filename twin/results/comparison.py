@@ -86,7 +86,7 @@ class Comparison:
 
     @property
     def metrics(self) -> MetricTable:
-        """A row for each metric and variant, changes that are large over the seeds' spread first; values are means over the seeds."""
+        """A row for each metric and variant in the units of `Run.metrics`, changes that are large over the seeds' spread first; values are means over the seeds."""
         import_optional("pandas", "python", "a DataFrame")
         from twin.results.metric_table import MetricTable
 

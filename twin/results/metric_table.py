@@ -1,16 +1,18 @@
-"""Metrics of a run as a DataFrame that prints all of its columns."""
+"""Metrics and requirements of a run as a DataFrame that prints all of its columns."""
 
 from __future__ import annotations
 
+from shutil import get_terminal_size
 from typing import Any
 
 import pandas as pd
 
 MAX_ROWS = 60  # that are printed; of more, the first and the last
+SHORTEST = 24  # letters of a text of which a table without room shows the beginning
 
 
 class MetricTable(pd.DataFrame):  # type: ignore[misc]  # pandas has no types here
-    """DataFrame of metrics, printed with every column, four digits and without row numbers; else as any DataFrame."""
+    """DataFrame of metrics or requirements, printed with every column, four digits and without row numbers; else as any DataFrame."""
 
     @property
     def _constructor(self) -> type[MetricTable]:
@@ -22,7 +24,13 @@ class MetricTable(pd.DataFrame):  # type: ignore[misc]  # pandas has no types he
         return {"index": is_named, "float_format": "{:.4g}".format, "na_rep": "-", "max_rows": MAX_ROWS}
 
     def __repr__(self) -> str:
-        return str(self.to_string(**self._print_options))
+        text = str(self.to_string(**self._print_options))
+        width = get_terminal_size().columns
+        if len(text.partition("\n")[0]) <= width:
+            return text
+        letters = max(width // 2 - 7, SHORTEST)  # of a name and of its detail
+        return str(self.to_string(**self._print_options, max_colwidth=letters))
 
     def _repr_html_(self) -> str:
-        return str(self.to_html(**self._print_options, border=0))
+        with pd.option_context("display.max_colwidth", None):
+            return str(self.to_html(**self._print_options, border=0))

@@ -163,13 +163,16 @@ def plot_figure(
             if titled and plot.title:
                 part.suptitle(plot.title, x=0.01, horizontalalignment="left", fontsize=11, fontweight="bold")
         if len(visible_plots) > 1 and not any(panel_columns(plot, panels) > 1 for plot, panels in visible_plots):
-            align_panels(figure, [plot for plot, _ in visible_plots])
+            align_panels(figure, parts, [plot for plot, _ in visible_plots])
     figure._repr_svg_ = partial(notebook_svg, figure)
     return figure
 
 
-def align_panels(figure: Any, plots: Sequence[Plot]) -> None:
-    """Let all panels of a figure begin and end below each other; over the same time, they share the axis and its label."""
+def align_panels(figure: Any, parts: Sequence[Any], plots: Sequence[Plot]) -> None:
+    """Let all panels of a figure begin and end below each other; over the same time, they share the axis and its label.
+
+    Panels of one plot already share the axis of its first panel, and an axis can be shared only once.
+    """
     figure.draw_without_rendering()  # the layout, which aligns panels of one plot only
     axes = [axis for axis in figure.axes if axis.get_visible()]
     boxes = [axis.get_position() for axis in axes]
@@ -179,8 +182,12 @@ def align_panels(figure: Any, plots: Sequence[Plot]) -> None:
         axis.set_position((left, box.y0, right - left, box.height))
     if any(map(is_loop_plot, plots)) or len({(plot.x_unit, plot.window) for plot in plots}) > 1:
         return
+    limits = [axis.get_xlim() for axis in axes]
+    first, *others = (part.axes[0] for part in parts)
+    for axis in others:
+        axis.sharex(first)
+    first.set_xlim(min(low for low, _ in limits), max(high for _, high in limits))
     for axis in axes[:-1]:
-        axis.sharex(axes[-1])
         axis.tick_params(labelbottom=False)
         axis.set_xlabel("")
 

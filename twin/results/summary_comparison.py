@@ -86,27 +86,31 @@ class VerdictChange(NamedTuple):
 def metric_changes(
     first: Mapping[str, Any], second: Mapping[str, Any], variants: Sequence[str] = ()
 ) -> tuple[MetricChange, ...]:
-    """Return the metrics that both summaries have, the change that is largest over the seeds' spread first. `variants`: all without any."""
+    """Return the metrics that both summaries have, in the units of the tables, the largest change over the seeds' spread first.
+
+    `variants`: all without any.
+    """
     changes = []
+    shown = display_units({name: metric["unit"] for name, metric in first["metrics"].items()})
     for name, metric in first["metrics"].items():
         if (other := second["metrics"].get(name)) is None:
             continue
+        unit = shown[name]
         (factor, offset), (other_factor, other_offset) = map(si_conversion, (metric["unit"], other["unit"]))
         is_scale = is_convertible(metric["unit"], other["unit"]) and offset == other_offset
+        scales = [own / si_conversion(unit)[0] for own in (factor, other_factor)]
         for variant in metric["variants"]:
             if variant not in other["variants"] or (variants and variant not in variants):
                 continue
             values, other_values = (entry["variants"][variant]["values"] for entry in (metric, other))
             seeds = [seed for seed in values if seed in other_values]
-            scale = other_factor / factor if metric["unit"] != other["unit"] else 1.0
-            mean = mean_value([values[seed] for seed in seeds])
-            other_mean = mean_value([other_values[seed] for seed in seeds]) if is_scale else None
-            other_mean = None if other_mean is None else other_mean * scale
+            mean = mean_value([values[seed] for seed in seeds], scales[0])
+            other_mean = mean_value([other_values[seed] for seed in seeds], scales[1]) if is_scale else None
             spread = 0.0
             if mean is not None and other_mean is not None:
                 own, its = ([entry[seed] for seed in seeds] for entry in (values, other_values))
-                spread = max(float(np.std(own)), float(np.std(its)) * scale)
-            changes.append(MetricChange(name, variant, metric["unit"], mean, other_mean, spread))
+                spread = max(float(np.std(own)) * scales[0], float(np.std(its)) * scales[1])
+            changes.append(MetricChange(name, variant, unit, mean, other_mean, spread))
     sizes: dict[str, float] = {}
     for change in changes:
         sizes[change.unit] = max(
@@ -136,10 +140,13 @@ def verdict_changes(first: Mapping[str, Any], second: Mapping[str, Any]) -> tupl
     return tuple(sorted(changes, key=lambda change: (change.second != "fail", change.first != "fail")))
 
 
-def mean_value(values: Sequence[float | None]) -> float | None:
-    """Return the mean of values; None if one is missing or there are none."""
+def mean_value(values: Sequence[float | None], scale: float) -> float | None:
+    """Return the mean of values times `scale`; None if one is missing or there are none."""
     numbers = [value for value in values if value is not None]
-    return float(np.mean(numbers)) if numbers and len(numbers) == len(values) else None
+    if not numbers or len(numbers) < len(values):
+        return None
+    mean = float(np.mean(numbers))
+    return mean if scale == 1.0 else units.round_trip(mean * scale)
 
 
 def list_missing(kind: str, first: Iterable[str], second: Iterable[str]) -> list[Missing]:

@@ -108,9 +108,12 @@ def with_events(scenario: ScenarioSpec, time: clock.Time, options: Sequence[str]
 
 
 def build(unpatched: Node, path: Path, overrides: Sequence[str], problems: Sequence[str] = ()) -> ScenarioSpec:
-    """Build the scenario of a merged tree; ScenarioError lists `problems` and those found here."""
+    """Build the scenario of a merged tree; ScenarioError lists `problems`, those found here and all those of `overrides`."""
     scenario, more_problems = assemble(unpatched, path, overrides)
     if problems or more_problems:
+        more_problems += (
+            [line for line in resolve_variables(scenario)[1] if line.startswith("--set ")] if overrides else []
+        )
         raise ScenarioError(sorted(dict.fromkeys([*problems, *more_problems]), key=by_line))
     return scenario
 
