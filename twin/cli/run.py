@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from twin.scenario import ScenarioSpec
 
 NUMBERS = re.compile(r"[\s\[\]\d.,eE+-]+")  # the value of `--set` is one number or several, without a unit
+NOTE, WARNING = "note: ", "warning: "  # before a remark
 TIMES = ("start_time", "stop_time", "step", "period", "communication_step")
 
 
@@ -297,7 +298,8 @@ class RunProgress(ProgressBar):
         if self.bar is not None:
             self.bar.console.print(line)
         elif self.enabled:
-            say(line, err=True)
+            label = next(filter(line.startswith, (WARNING, NOTE)), "")
+            show_error(line.removeprefix(label), label)
 
 
 def show(outcome: RunResult, report: bool, verbose: bool = False) -> None:
@@ -313,7 +315,7 @@ def show(outcome: RunResult, report: bool, verbose: bool = False) -> None:
         show_text(", ".join(with_unit(option, outcome) for option in outcome.scenario.overrides), "set: ")
     console.print(results_table(outcome.evaluation, verbose))
     for note in group_lines(outcome.run.extra.get("notes", []), outcome.tables):
-        show_text(note, "note: ")
+        show_text(note.replace(WARNING, "", 1), WARNING if WARNING in note else NOTE)
     for line in outcome.run.extra.get("hardware", {}).get("shown", []):
         console.print(line)
     for (variant, seed), ending in outcome.terminations.items():

@@ -10,7 +10,7 @@ import os
 import sys
 import threading
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
@@ -63,9 +63,16 @@ def open_console(*, err: bool = False) -> Console:
             self.file.write("\n".join(line.rstrip() for line in captured.get().split("\n")))
 
     stream = sys.stderr if err else sys.stdout
-    columns = os.environ.get("COLUMNS", "")
-    width = None if stream.isatty() else int(columns) if columns.isdecimal() and int(columns) else UNLIMITED
+    width = None if stream.isatty() else line_width(stream)
     return EscapingConsole(file=stream, markup=False, emoji=False, highlight=False, width=width)
+
+
+def line_width(stream: TextIO) -> int:
+    """Return the columns of a stream: of its terminal, or COLUMNS, else no limit."""
+    columns = os.environ.get("COLUMNS", "")
+    if stream.isatty():
+        return os.get_terminal_size(stream.fileno()).columns or UNLIMITED
+    return int(columns) if columns.isdecimal() and int(columns) else UNLIMITED
 
 
 def show_text(text: str, label: str = "", style: str = "") -> None:
@@ -81,9 +88,8 @@ def show_text(text: str, label: str = "", style: str = "") -> None:
 
 
 def show_error(text: str, label: str = "error: ") -> None:
-    """Print a line to stderr, on a terminal wrapped as by `show_text`."""
-    columns = os.get_terminal_size(sys.stderr.fileno()).columns if sys.stderr.isatty() else 0
-    for begin, words in wrap_text(text, label, columns or UNLIMITED):
+    """Print a line to stderr, on a terminal or at COLUMNS wrapped as by `show_text`."""
+    for begin, words in wrap_text(text, label, line_width(sys.stderr)):
         say(begin + words, err=True)
 
 

@@ -335,6 +335,12 @@ class ScenarioSpec:
         selected = [case for case in self.variants if not variants or case.variant in variants]
         return [replace(case, seed=seed) for case in selected for seed in dict.fromkeys(seeds or self.seeds)]
 
+    @property
+    def sentence(self) -> str:
+        """The summary, if its words hold: empty if settings were changed that it may state, or that its figures depend on."""
+        is_own = not self.overrides and self.tree.find(("summary",)).location.file == str(self.path)
+        return self.summary if self.paper_applies or is_own else ""
+
     def replaced_values(self, variants: Collection[str]) -> list[str]:
         """Return a sentence for each override that replaces values which some of `variants` set themselves."""
         from twin.scenario.yaml_files.override import replaced_values
