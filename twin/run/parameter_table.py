@@ -188,7 +188,7 @@ def override_remarks(
         low, high = (" ".join(shown_value(end, variable)).rstrip() for end in ends)
         remarks.append(f"warning: {option} is outside of the range that the scenario states, {low} to {high}.")
     elif ends is None and value and before and not 1.0 / FAR <= abs(value / before) <= FAR:
-        size = f"{abs(value / before):.3g} times the scenario's {usual} {shown_unit}".rstrip()
+        size = f"{abs(value / before):.4g} times the scenario's {usual} {shown_unit}".rstrip()
         remarks.append(f"warning: {option} is implausible, {size}.")
     return remarks
 
