@@ -347,21 +347,14 @@ def with_unit(option: str, outcome: RunResult) -> str:
 
 def show_verdict(outcome: RunResult, report: bool) -> None:
     """Print the last line: the verdict, how many requirements are met, the computing time, and where to look."""
-    from twin.results import count_verdicts
+    from twin.results import describe_outcome
 
     run, summary = outcome.run, outcome.summary
-    met, judged = count_verdicts(summary)
-    if run.status != "completed":
-        word = run.status.upper()
-    else:
-        word = ("PASS" if summary["passed"] else "FAIL") if judged else "DONE"
+    word, counts = describe_outcome(summary)
     factor = run.real_time_factor
     speed = f" ({factor:.{0 if factor >= 10 else 1}f}x real time)" if factor else ""
-    skipped = sum(result["verdict"] == "skipped" for result in summary["expectations"])
-    rest = f", {skipped} not judged" * bool(skipped)
-    counts, end = (f"{met} of {judged}{rest} ", " ") if word == "PASS" else ("", " ")
-    if met < judged and word != "PASS":
-        counts, end = f"{judged - met} of {judged} requirements failed{rest}, ", ": "
+    has_failed = counts and word != "PASS"
+    counts, end = (f"{counts}, " if has_failed else f"{counts} " * bool(counts)), ": " if has_failed else " "
     folder = "latest" if outcome.folder.parent.parent == Path("runs") else str(outcome.folder)
     prefix = "DRY RUN, drives have not moved: " * bool(summary.get("hardware", {}).get("dry_run"))
     text, file = f"{counts}in {run.wall_time:.3g} s{speed}.", "report.html" if report else "summary.json"

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 UNLIMITED = 10_000  # columns
+MAX_NAME = 40  # letters of a name that a table does not break
 NO_BREAK_SPACE = "\N{NO-BREAK SPACE}"
 SECOND = 1.0
 BROKEN_PIPE = 141  # exit code of shells for SIGPIPE
@@ -123,17 +124,21 @@ def make_table(*titles: str, left: int) -> Table:
     return table
 
 
-def show_table(titles: Iterable[str], rows: Iterable[Iterable[str | Text]], left: int, *, texts: int = 0) -> None:
-    """Print a table whose first `left` columns, and last `texts` ones, are aligned to the left; nothing without rows."""
+def show_table(titles: Iterable[str], rows: Iterable[Iterable[str | Text]], left: int, *, texts: int = 0) -> bool:
+    """Print a table whose first `left` columns, and last `texts` ones, are aligned to the left; return whether it has rows, nothing is printed without."""
     from rich.text import Text
 
     table = make_table(*titles, left=left)
+    rows = [[Text(cell) if isinstance(cell, str) else cell for cell in row] for row in rows]
     for row in rows:
-        table.add_row(*(Text(cell) if isinstance(cell, str) else cell for cell in row))
+        table.add_row(*row)
+    for column, cells in zip(table.columns[:left], zip(*rows, strict=True), strict=False):  # names stay whole
+        column.no_wrap = all(" " not in cell.plain and len(cell) <= MAX_NAME for cell in cells)
     for column in table.columns[len(table.columns) - texts :]:
         column.justify = "left"
     if table.row_count:
         open_console().print(table)
+    return bool(rows)
 
 
 def make_bar(*, err: bool = False) -> Progress:

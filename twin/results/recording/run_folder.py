@@ -299,6 +299,18 @@ def count_verdicts(summary: Mapping[str, Any]) -> tuple[int, int]:
     return verdicts.count("pass"), sum(verdict in ("pass", "fail", "none") for verdict in verdicts)
 
 
+def describe_outcome(summary: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the outcome of a run as a word, such as PASS, and the counts: `2 of 6 requirements failed, 11 not judged`."""
+    met, judged = count_verdicts(summary)
+    skipped = sum(result["verdict"] == "skipped" for result in summary["expectations"])
+    verdict = ("FAIL" if met < judged else "PASS") if judged else "DONE"
+    word = verdict if summary["status"] == "completed" else summary["status"].upper()
+    counts = (
+        f"{judged - met} of {judged} requirements failed" if met < judged else f"{met} of {judged}" * (word == "PASS")
+    )
+    return word, ", ".join(filter(None, [counts, f"{skipped} not judged" * bool(skipped and counts)]))
+
+
 def termination_to_dict(termination: HardwareTermination) -> dict[str, Any]:
     """Return time and reason of a stop by hardware, and the axes that are not at rest; empty without a stop."""
     result = {"unsafe": termination.unsafe} if termination.unsafe else {}
