@@ -85,7 +85,7 @@ def find_by_time(root: Path, folder: Path) -> Path:
     if STAMP.fullmatch(folder.name) is None and folder.name != LATEST:
         return folder
     if len(folder.parts) > 1:
-        return root / folder if (root / folder).exists() else folder
+        return root / folder if (root / folder.parent).is_dir() and not folder.parent.is_dir() else folder
     matches = sorted(root.glob(f"*/{folder.name}"))
     if len(matches) > 1 and folder.name != LATEST:
         raise TwinError(f"{folder}: is the time of {len(matches)} runs. Name one: {', '.join(map(str, matches))}.")

@@ -303,12 +303,12 @@ def describe_outcome(summary: Mapping[str, Any]) -> tuple[str, str]:
     """Return the outcome of a run as a word, such as PASS, and the counts: `2 of 6 requirements failed, 11 not judged`."""
     met, judged = count_verdicts(summary)
     skipped = sum(result["verdict"] == "skipped" for result in summary["expectations"])
-    verdict = ("FAIL" if met < judged else "PASS") if judged else "DONE"
+    verdict = ("PASS" if summary["passed"] else "FAIL") if judged else "DONE"
     word = verdict if summary["status"] == "completed" else summary["status"].upper()
     counts = (
-        f"{judged - met} of {judged} requirements failed" if met < judged else f"{met} of {judged}" * (word == "PASS")
+        f"{met} of {judged}" if word == "PASS" else f"{judged - met} of {judged} requirements failed" * (met < judged)
     )
-    return word, ", ".join(filter(None, [counts, f"{skipped} not judged" * bool(skipped and counts)]))
+    return word, f"{counts}{f', {skipped} not judged' * bool(skipped)}" if counts else ""
 
 
 def termination_to_dict(termination: HardwareTermination) -> dict[str, Any]:
