@@ -134,7 +134,7 @@ def test_a_run_by_its_time_alone(run, tmp_path):
         assert lines[1:4] == ["Some run", "PASS 1 of 1", "It held."]
         assert lines[4].startswith("Look: twin view ")
     (tmp_path / "runs" / "other" / path.name).mkdir(parents=True)
-    with pytest.raises(TwinError, match="is the time of 2 runs. Name one: runs/other/"):
+    with pytest.raises(TwinError, match=r"is the time of 2 runs\. Name one: runs/other/"):
         find_results(Path(path.name), "summary.json", "run", "some")
 
 
@@ -146,7 +146,7 @@ def test_whatever_is_listed_can_be_described(run):
     code, lines = run("describe", "thousand_patients")
     assert (code, lines[0].partition(": ")[2]) == (0, "A thousand patients")
     assert any(
-        line.split() == "heart.rate normal 75 /min, 13 /min; from 48 /min; to 120 /min".split() for line in lines
+        line.split() == ["heart.rate", "normal", "75", "/min,", "13", "/min;", "from", "48", "/min;", "to", "120", "/min"] for line in lines
     )
     assert "Run it: twin study thousand_patients" in lines
     assert any(
@@ -272,7 +272,9 @@ def test_values_and_connections_of_a_scenario(run, tmp_path):
     _, lines = run("describe", "beat.yaml", "--filter", "a.")
     rate = next(line for line in lines if line.startswith(" a.rate"))
     assert rate.split(maxsplit=1)[1].startswith("1.2 Hz")
-    assert " ".join(rate.split()).endswith("at least 0 Hz heart rate; a change keeps the phase (set by the scenario; default 1 Hz)")
+    assert " ".join(rate.split()).endswith(
+        "at least 0 Hz heart rate; a change keeps the phase (set by the scenario; default 1 Hz)"
+    )
     assert any(line.split() == ["a.position", "w.heart_position"] for line in lines)
 
 

@@ -15,7 +15,6 @@ from .evaluation.coverage import join_numbers as join_numbers
 from .evaluation.coverage import list_names as list_names
 from .evaluation.expression import Expression as Expression
 from .evaluation.hardware_termination import HardwareTermination as HardwareTermination
-from .evaluation.metric_format import MILLI_UNITS as MILLI_UNITS
 from .evaluation.metric_format import MetricFormat as MetricFormat
 from .evaluation.metric_format import common_format as common_format
 from .evaluation.metric_format import display_units as display_units
@@ -57,6 +56,7 @@ from .recording.run_folder import write_text as write_text
 from .recording.signal_reader import list_recorded_variables as list_recorded_variables
 from .recording.signal_reader import read_variables as read_variables
 from .recording.signal_reader import readable_recording as readable_recording
+from .recording.signals import MILLI_UNITS as MILLI_UNITS
 from .recording.signals import Signals as Signals
 from .recording.signals import Window as Window
 from .recording.signals import format_value as format_value
