@@ -108,7 +108,7 @@ def test_runs_the_latest_first_verdicts_first(run, tmp_path):
     (tmp_path / "runs" / "some" / "2026-01-03_10-00-00").mkdir()
     (tmp_path / "runs" / "some" / "2026-01-03_10-00-00" / "summary.json").write_text("{")
     assert run("list", "runs")[1] == [
-        "runs: 4, in runs, the latest first",
+        "runs: 4, in runs, newest first",
         " some:",
         " 2026-01-03_10-00-00  its summary.json cannot be read",
         " 2026-01-02_10-00-00  PASS 1 of 1",
@@ -146,7 +146,9 @@ def test_whatever_is_listed_can_be_described(run):
     code, lines = run("describe", "thousand_patients")
     assert (code, lines[0].partition(": ")[2]) == (0, "A thousand patients")
     assert any(
-        line.split() == ["heart.rate", "normal", "75", "/min,", "13", "/min;", "from", "48", "/min;", "to", "120", "/min"] for line in lines
+        line.split()
+        == ["heart.rate", "normal", "75", "/min,", "13", "/min;", "from", "48", "/min;", "to", "120", "/min"]
+        for line in lines
     )
     assert "Run it: twin study thousand_patients" in lines
     assert any(
@@ -336,6 +338,9 @@ def test_a_study_by_its_name_anywhere(run, tmp_path):
 
 def test_a_scenario_is_no_study(run, tmp_path):
     assert run("study", "heart_wall_force")[0] == "'heart_wall_force' is a scenario: twin run heart_wall_force"
+    assert run("run", "servomotor")[0] == "'servomotor' is a component: twin describe servomotor"
+    unknown = "There is no scenario 'zzz', and no file of this name. See `twin list scenarios`."
+    assert run("run", "zzz")[0] == unknown
     assert run("run", "thousand_patients")[0] == "'thousand_patients' is a study: twin study thousand_patients"
     (tmp_path / "mine.yaml").write_text("members: {}\n")
     assert run("study", "mine.yaml")[0] == "mine.yaml: is a scenario: twin run mine.yaml"

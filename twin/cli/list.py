@@ -77,7 +77,7 @@ def hint(kind: str, lines: Listing, runs: Path) -> str:
     """Return what follows the number of entries: of runs their folder and order, or how to make one."""
     if kind != "runs":
         return ""
-    return f", in {runs}, the latest first" if lines else f" in {runs}; `twin run heart_wall_force` makes one"
+    return f", in {runs}, newest first" if lines else f" in {runs}; `twin run heart_wall_force` makes one"
 
 
 def show_names(heading: str, names: Sequence[str], kind: str) -> None:

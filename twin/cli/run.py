@@ -276,9 +276,9 @@ def recover_interrupted(runs: Path) -> None:
 
         try:
             outcome = recover(folder)
-            say(f"note: {folder}: recovered; {outcome.run.status}: {outcome.run.reason}", err=True)
+            show_error(f"{folder}: recovered; {ending(outcome.run.status, outcome.run.reason)}", NOTE)
         except (TwinError, OSError) as error:  # e.g. another process recovers it at this moment
-            say(f"note: {error}", err=True)
+            show_error(str(error), NOTE)
 
 
 class RunProgress(ProgressBar):
@@ -326,8 +326,13 @@ def show(outcome: RunResult, report: bool, verbose: bool = False) -> None:
             console.print(f"on the bus at {line}")
     if outcome.run.status != "completed":
         for line in group_lines(outcome.run.reason.splitlines(), outcome.tables):
-            show_error(line, f"{outcome.run.status}: ")
+            show_error(ending(outcome.run.status, line), "")
     show_verdict(outcome, report)
+
+
+def ending(status: str, reason: str) -> str:
+    """Return how a run ended: `failed: PI, seed 1: ...`, `interrupted in PI, seed 1`."""
+    return reason if reason.startswith(status) else f"{status}: {reason}"
 
 
 def with_unit(option: str, outcome: RunResult) -> str:

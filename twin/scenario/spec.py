@@ -337,9 +337,8 @@ class ScenarioSpec:
 
     @property
     def sentence(self) -> str:
-        """The summary, if its words hold: empty if settings were changed that it may state, or that its figures depend on."""
-        is_own = not self.overrides and self.tree.find(("summary",)).location.file == str(self.path)
-        return self.summary if self.paper_applies or is_own else ""
+        """The summary; empty if an option changed settings that it may state, or that its figures depend on."""
+        return self.summary if self.paper_applies or not self.overrides else ""
 
     def replaced_values(self, variants: Collection[str]) -> list[str]:
         """Return a sentence for each override that replaces values which some of `variants` set themselves."""
