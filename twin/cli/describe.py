@@ -215,12 +215,15 @@ def show_scenario(path: Path, everything: bool = False, text: str = "") -> bool:
     for title, rows, last in tables:
         shown |= print_table(title, [row for row in rows if text.lower() in " ".join(row).lower()], last)
     if everything or text:
-        return show_settings(scenario, text) or shown
-    if (record := scenario.mutations) is not None:
+        shown |= show_settings(scenario, text)
+    if (record := scenario.mutations) is not None and not text:
         detected = record.tried - len(record.unnoticed)
         say(f"The requirements detect {detected} of {record.tried} deliberate faults (benchmarks/mutations.py).")
-    show_often_changed(scenario)
-    return True
+        undetected = [(name, "", "", reason) for name, reason in record.unnoticed.items()] if everything else []
+        print_table("undetected fault", undetected, "reason")
+    if not everything and not text:
+        show_often_changed(scenario)
+    return shown
 
 
 def show_often_changed(scenario: ScenarioSpec) -> None:
