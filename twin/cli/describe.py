@@ -12,7 +12,7 @@ import click
 from twin.cli import completion
 from twin.cli.options import filter_option, runs_option
 from twin.cli.terminal import say, show_elapsed, show_table, show_text
-from twin.errors import TwinError, find_similar, nearest, quote_names
+from twin.errors import TwinError, quote_names, suggestion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -88,9 +88,8 @@ def show_named(what: str, everything: bool, text: str, runs: Path) -> bool:
             show_text(f"One of `twin list {listed_kind}`.{USES.get(listed_kind, '').format(name=what)}")
             return True
     names = [*catalog.names(), *scenarios, *studies, *(name for listing in listings.values() for name in listing())]
-    close = [name for name, _ in find_similar(what, sorted(names))]
-    advice = nearest(what, close).partition(" Known:")[0] if close else ""
-    raise TwinError(f"There is nothing called {what!r}. {advice} See `twin list`.".replace("  ", " "))
+    advice = " ".join(filter(None, [suggestion(what, names), "See `twin list`."]))
+    raise TwinError(f"There is nothing called {what!r}. {advice}")
 
 
 def show_study(path: Path, text: str) -> bool:

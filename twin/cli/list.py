@@ -40,11 +40,11 @@ def command(kinds: tuple[str, ...], text: str, runs: Path) -> None:
     for kind in kinds:
         if kind not in listings:
             raise TwinError(f"There is no list of {kind!r}. {nearest(kind, listings)}")
-    found = 0
+    count = 0
     for kind in kinds or listings:
         listing = listings[kind]()
         lines = {name: line for name, line in listing.items() if text.lower() in f"{name} {line}".lower()}
-        found += len(lines)
+        count += len(lines)
         if text and not lines:
             continue
         show_text("", f"{kind}: {len(lines)}{hint(kind, lines, runs)}", "bold")
@@ -56,7 +56,7 @@ def command(kinds: tuple[str, ...], text: str, runs: Path) -> None:
             if heading:
                 show_text("", f" {heading}:", "bold")
             show((Path(name).name if kind == "runs" else name, lines[name]) for name in names)
-    if text and not found:
+    if text and not count:
         raise TwinError(f"Nothing contains {text!r}. See `twin list{''.join(f' {kind}' for kind in kinds)}`.")
     if not kinds and not text:
         show_text("Titles: `twin list KIND`, such as `twin list scenarios`. Details: `twin describe NAME`.")

@@ -276,7 +276,7 @@ def recover_interrupted(runs: Path) -> None:
 
         try:
             outcome = recover(folder)
-            show_error(f"{folder}: recovered; {ending(outcome.run.status, outcome.run.reason)}", NOTE)
+            show_error(f"{folder}: recovered; {describe_ending(outcome.run.status, outcome.run.reason)}", NOTE)
         except (TwinError, OSError) as error:  # e.g. another process recovers it at this moment
             show_error(str(error), NOTE)
 
@@ -326,11 +326,11 @@ def show(outcome: RunResult, report: bool, verbose: bool = False) -> None:
             console.print(f"on the bus at {line}")
     if outcome.run.status != "completed":
         for line in group_lines(outcome.run.reason.splitlines(), outcome.tables):
-            show_error(ending(outcome.run.status, line), "")
+            show_error(describe_ending(outcome.run.status, line), "")
     show_verdict(outcome, report)
 
 
-def ending(status: str, reason: str) -> str:
+def describe_ending(status: str, reason: str) -> str:
     """Return how a run ended: `failed: PI, seed 1: ...`, `interrupted in PI, seed 1`."""
     return reason if reason.startswith(status) else f"{status}: {reason}"
 

@@ -166,8 +166,8 @@ def check_buffers(
     if component_class is None or not (period_ns := member.period_ns or component_class.period_ns):
         return []
     overflows = buffers.overflows(component_class, values, float(clock.seconds(period_ns)))
-    places = (member.locations.get(overflow.partition(" ")[0], where) for overflow in overflows)
-    return [f"{place}: {name}.{overflow}" for place, overflow in zip(places, overflows, strict=True)]
+    locations = (member.locations.get(overflow.partition(" ")[0], where) for overflow in overflows)
+    return [f"{at}: {name}.{overflow}" for at, overflow in zip(locations, overflows, strict=True)]
 
 
 def missing_file(name: str, member: MemberSpec) -> list[str]:

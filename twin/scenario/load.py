@@ -129,7 +129,7 @@ def blame_overrides(problems: Sequence[str], unpatched: Node, path: Path, overri
 
 
 def blamed(problem: str, option: str) -> str:
-    """Return a problem of a `--set` option, the place in the file at its end."""
+    """Return a problem as that of a `--set` option, the location in the file at its end."""
     match = re.match(r"(.*?:\d+): (?=\S)", problem)
     return (
         f"--set {option}: {problem[match.end() :]} ({Path(match[1]).name})" if match else f"--set {option}: {problem}"
