@@ -28,7 +28,7 @@ COMMANDS = {  # by task
     "Run and look": {
         "demo": "show three commands to begin with, as `twin` alone does",
         "list": "list scenarios, studies, components, drive profiles and runs",
-        "describe": "show variables, units and bounds of a component, scenario or FMU",
+        "describe": "show units and bounds of what `twin list` names, or of an FMU",
         "run": "run a scenario: all variants and seeds, metrics, report",
         "view": "view runs or a scene in the browser; write HTML, CSV, MAT, MCAP",
         "console": "operate a scenario live in the browser",

@@ -77,7 +77,7 @@ def run_scenario(
         scenario = hardware.apply(scenario)
     catalogs = resolve_catalogs(scenario)
     scenario = displayed(scenario, catalogs)
-    if options.origin is None:
+    if options.origin is None and options.study_case is None:
         for remark in remarks_on_overrides(scenario, catalogs):
             callbacks.on_log_line(remark)
     cases = cases_of(scenario, options)
