@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from tests.cli.replaced import Calls, replace
 from tests.cli.test_checks import RUN
 from tests.cli.test_fit_commands import run as run_command
+from tests.every_case import every_case
 from twin.cli import compare, recover, resume
 from twin.cli import run as run_module
 from twin.cli.run import HardwareOptions
@@ -283,6 +284,21 @@ def test_the_answer_of_a_comparison_is_on_top(compared):
     ]
     lines = compared((), "--all", problems=problems, verdicts=verdicts, changes=changes)[1]
     assert len([line for line in lines if "force" in line and "mN" in line]) == 1  # not in the table and in words
+
+
+@every_case(
+    ("part", "text"),
+    [
+        (0.5, "+50 %"),
+        (-0.997, "-100 %"),
+        (-0.0287, "-2.9 %"),
+        (0.0004, "+0.04 %"),
+        (82.9, "83.9 times"),
+        (None, "+0.00 %"),
+    ],
+)
+def test_a_relative_change_in_words(part, text):
+    assert compare.percent(part) == text
 
 
 def test_runs_of_unequal_cases(compared):

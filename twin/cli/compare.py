@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 MAX_LISTED = 20  # metrics, and other differences, without --all
 MAX_SIGNALS = 8  # without --all
 MAX_NAMES = 6  # names in a line without --all
+MAX_CASES = 2  # of the cases of one run only, the same
 
 
 @click.command(name="compare")
@@ -71,7 +72,7 @@ def command(
         sys.exit(1)
     cases = [entry for entry in comparison.missing if entry.kind == "case"]
     for entry in cases:
-        show_text(entry.text(len(entry.names) if everything else MAX_NAMES))
+        show_text(entry.text(len(entry.names) if everything else MAX_CASES))
     show_verdicts(comparison, everything, has_all_cases=not cases)
     if not patterns:
         show_metrics(comparison, everything)
@@ -164,8 +165,9 @@ def has_ratio(change: MetricChange) -> bool:
 
 def percent(part: float | None) -> str:
     """Return a relative change as `+12 %`, a large one as a factor."""
-    value = part or 0.0
-    return f"{100.0 * value:+.{2 if abs(value) < 1.0 else 3}g} %" if abs(value) < 9.0 else f"{1.0 + value:.3g} times"
+    value = 100.0 * (part or 0.0)
+    decimals = 0 if abs(value) >= 10.0 else 1 if abs(value) >= 1.0 else 2
+    return f"{value:+.{decimals}f} %" if abs(value) < 900.0 else f"{1.0 + value / 100.0:.3g} times"
 
 
 def is_small(change: MetricChange, tolerance: float) -> bool:
