@@ -41,11 +41,16 @@ def nearest(name: str, candidates: Iterable[str], quote: str = "'") -> str:
     if not names:
         return "There are none."
     close = find_similar(name, names)
-    quoted = [f"{quote}{match}{quote}" for match, _ in close]
-    question = f"Did you mean {' or '.join(filter(None, [', '.join(quoted[:-1]), *quoted[-1:]]))}?" if quoted else ""
+    question = suggestion(name, names, quote)
     if close and close[0][1] >= TYPO:
         return question
     return f"{question} Known: {join_names(names)}.".lstrip()
+
+
+def suggestion(name: str, candidates: Iterable[str], quote: str = "'") -> str:
+    """Return `Did you mean 'a' or 'b'?` with the names similar to an unknown one; empty if there are none."""
+    quoted = [f"{quote}{match}{quote}" for match, _ in find_similar(name, sorted(set(candidates)))]
+    return f"Did you mean {' or '.join(filter(None, [', '.join(quoted[:-1]), *quoted[-1:]]))}?" if quoted else ""
 
 
 def find_similar(name: str, names: list[str]) -> list[tuple[str, float]]:

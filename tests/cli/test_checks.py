@@ -212,7 +212,7 @@ def outcome(**attributes):
     expectations = [{"verdict": verdict} for verdict in verdicts + ["skipped"] * attributes.get("skipped", 0)]
     return SimpleNamespace(
         run=SimpleNamespace(status=values["status"], real_time_factor=values["factor"], wall_time=1.2345, reason=""),
-        summary={"passed": values["passed"], "expectations": expectations, "metrics": {}},
+        summary={"status": values["status"], "passed": values["passed"], "expectations": expectations, "metrics": {}},
         passed=values["passed"],
         folder=Path(values["folder"]),
     )
@@ -245,10 +245,7 @@ def outcome(**attributes):
         ),
     ],
 )
-def test_the_verdict_of_a_run(capsys, monkeypatch, attributes, report, line):
-    monkeypatch.setattr(
-        "twin.results.count_verdicts", lambda _: (attributes.get("met", 2), attributes.get("judged", 3))
-    )
+def test_the_verdict_of_a_run(capsys, attributes, report, line):
     show_verdict(outcome(**attributes), report)
     assert capsys.readouterr().out.startswith(line)
 

@@ -83,7 +83,7 @@ def test_latest_is_the_last_run_on_disk(beats):
     assert resolve_latest(Path("runs/beats/latest")) == folders[0]
     listed = invoke("list", "runs").output
     assert "latest" not in listed
-    assert listed.count("runs/beats/") == 2
+    assert listed.count("PASS 1 of 1") == 2
 
 
 def test_a_file_names_the_run_where_links_cannot_be_made(tmp_path, monkeypatch):
@@ -149,3 +149,33 @@ def test_what_is_built_is_counted(tmp_path):
     assert "building heart (1 of 1)" in done.stderr.splitlines()
     (summary,) = tmp_path.glob("runs/beats/2*/summary.json")
     assert json.loads(summary.read_text())["passed"]
+
+
+def test_implausible_values_are_named_before_the_run(beats):
+    """Outside of the range that the scenario states, else by the factor from its value; and numbers in another unit than shown."""
+    rate, offset = "heart.rate=100 Hz", "heart.blend_in=500 s"
+    done = beats("1 mm", "--set", rate, "--set", offset, "--set", "heart.respiration_rate=0.3 Hz")
+    assert "warning: heart.rate=100 Hz is implausible, 100" not in done.output  # a factor of 100 itself
+    assert "warning: heart.blend_in=500 s is implausible, 500 times the scenario's 1 s." in done.output
+    assert "respiration_rate=0.3 Hz is" not in done.output
+    Path("beats.yaml").write_text(
+        SCENARIO.replace("LIMIT", "0 mm") + "console: {parameters: {heart.rate: [40 /min, 120 /min]}}\n"
+    )
+    done = invoke(
+        "run", "beats.yaml", "--backend", "interpreted", "--no-report", "--set", rate, "--set", "heart.offset=3"
+    )
+    assert f"warning: {rate} is outside of the range that the scenario states, 0.666667 Hz to 2 Hz." in done.output
+    assert "note: heart.offset=3 is 3 m. Write heart.offset='3 mm' if you mean mm." in done.output
+
+
+def test_a_warning_of_the_scenario_is_noted_if_it_lasts(beats):
+    """As a line of its own, also without an operator."""
+    text = SCENARIO.replace("LIMIT", "0 mm")
+    Path("beats.yaml").write_text(
+        text
+        + "console: {warnings: [{signal: heart.position, above: 1 mm, text: far out}, {signal: heart.position, above: 1 m, text: gone}]}\n"
+    )
+    lines = invoke("run", "beats.yaml", "--backend", "interpreted", "--no-report").output.splitlines()
+    (line,) = [line for line in lines if line.startswith("warning: ")]
+    assert line.startswith("warning: base, seed 0: far out for 0.")
+    assert line.endswith(" mm, limit 1 mm")

@@ -1,6 +1,7 @@
 """`twin list` and `twin describe`, and scenarios by name."""
 
 import json
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -10,7 +11,8 @@ from tests.fmi.clock_parts import described
 from tests.fmi.third_party import NATIVE_XML, archive
 from twin.cli import group
 from twin.component import catalog
-from twin.errors import ScenarioError
+from twin.errors import ScenarioError, TwinError
+from twin.results import find_results
 from twin.scenario import scenario_paths
 from twin.study import load_study
 
@@ -43,9 +45,16 @@ def test_all_that_there_is(run):
     code, lines = run("list")
     assert code == 0
     headings = [line.partition(":")[0] for line in lines if line and not line.startswith(" ")]
-    assert headings == ["scenarios", "studies", "components", "profiles", "runs"]
+    assert headings == ["scenarios", "studies", "components", "profiles", "runs", "Titles"]
     for name in ("servomotor", "heart_wall_force", "thousand_patients", "epos4", "cia401"):
-        assert any(line.startswith(f" {name} ") for line in lines)
+        assert any(name in line for line in lines)
+    assert len(lines) < 60  # names alone; each kind has its titles
+    assert any(
+        line.split() == ["epos4", "maxon", "EPOS4", "with", "an", "EC-i", "40"] for line in run("list", "profiles")[1]
+    )
+    assert run("list", "--filter", "zzzz")[0] == "Nothing contains 'zzzz'. See `twin list`."
+    assert run("list", "runs")[1] == ["runs: 0 in runs; `twin run heart_wall_force` makes one"]
+    assert run("list", "runs", "--runs", "nowhere")[0].startswith("--runs nowhere: there is no such folder.")
 
 
 def test_scenarios_are_listed_by_topic_those_to_start_with_first(run):
@@ -77,25 +86,101 @@ def test_a_kind_and_a_text(run):
     assert run("list", "component")[0] == "There is no list of 'component'. Did you mean 'components'?"
 
 
-def test_runs_the_latest_first(run, tmp_path):
-    for stamp, verdicts in (("2026-01-01_10-00-00", ["pass", "fail", "skipped"]), ("2026-01-02_10-00-00", ["pass"])):
-        folder = tmp_path / "runs" / "some" / stamp
-        folder.mkdir(parents=True)
-        summary = {
-            "status": "completed",
-            "cases": [{}],
-            "metrics": {},
-            "expectations": [{"verdict": one} for one in verdicts],
-        }
-        (folder / "summary.json").write_text(json.dumps(summary))
+def store_run(folder, verdicts=(), **summary):
+    """A finished run."""
+    folder.mkdir(parents=True)
+    text = {
+        "status": "completed",
+        "passed": "fail" not in verdicts,
+        "cases": [{}],
+        "metrics": {},
+        "expectations": [{"verdict": verdict} for verdict in verdicts],
+        **summary,
+    }
+    (folder / "summary.json").write_text(json.dumps(text))
+
+
+def test_runs_the_latest_first_verdicts_first(run, tmp_path):
+    """Under their scenario, without its folder; what was not judged is counted."""
+    store_run(tmp_path / "runs" / "some" / "2026-01-01_10-00-00", ["pass", "fail", "skipped"])
+    store_run(tmp_path / "runs" / "some" / "2026-01-02_10-00-00", ["pass"])
+    store_run(tmp_path / "runs" / "other" / "2026-01-01_10-00-01", ["pass"], status="interrupted")
     (tmp_path / "runs" / "some" / "2026-01-03_10-00-00").mkdir()
     (tmp_path / "runs" / "some" / "2026-01-03_10-00-00" / "summary.json").write_text("{")
-    _, lines = run("list", "runs")
-    assert [line.split(maxsplit=1)[1].strip() for line in lines[1:]] == [
-        "its summary.json cannot be read",
-        "completed, 1 case, 1 of 1 requirements met",
-        "completed, 1 case, 1 of 2 requirements met",
+    assert run("list", "runs")[1] == [
+        "runs: 4, in runs, newest first",
+        " some:",
+        " 2026-01-03_10-00-00  its summary.json cannot be read",
+        " 2026-01-02_10-00-00  PASS 1 of 1",
+        " 2026-01-01_10-00-00  FAIL 1 of 2 failed, 1 not judged",
+        " other:",
+        " 2026-01-01_10-00-01  INTERRUPTED",
     ]
+
+
+def test_a_run_by_its_time_alone(run, tmp_path):
+    """As `twin list runs` shows it, also with its scenario; a time that two runs have is refused."""
+    about = {
+        "scenario": {"name": "some", "title": "Some run"},
+        "started": "2026-01-01T10:00:00",
+        "sentence": "It held.",
+    }
+    store_run(tmp_path / "runs" / "some" / "2026-01-01_10-00-00", ["pass"], **about)
+    path = Path("runs/some/2026-01-01_10-00-00")
+    for name in ("2026-01-01_10-00-00", "some/2026-01-01_10-00-00", "latest", "some/latest"):
+        assert find_results(Path(name), "summary.json", "run", "some").resolve() == path.resolve()
+        lines = run("describe", name)[1]
+        assert lines[0].endswith("2026-01-01_10-00-00: run of some, 2026-01-01 10:00")
+        assert lines[1:4] == ["Some run", "PASS 1 of 1", "It held."]
+        assert lines[4].startswith("Look: twin view ")
+    (tmp_path / "runs" / "other" / path.name).mkdir(parents=True)
+    with pytest.raises(TwinError, match=r"is the time of 2 runs\. Name one: runs/other/"):
+        find_results(Path(path.name), "summary.json", "run", "some")
+
+
+def test_whatever_is_listed_can_be_described(run):
+    assert run("describe", "epos4")[1] == [
+        "epos4: maxon EPOS4 with an EC-i 40",
+        "One of `twin list profiles`. Use it in a hardware file, `profile: epos4`, or simulate it: twin drive --profile epos4",
+    ]
+    code, lines = run("describe", "thousand_patients")
+    assert (code, lines[0].partition(": ")[2]) == (0, "A thousand patients")
+    assert any(
+        line.split()
+        == ["heart.rate", "normal", "75", "/min,", "13", "/min;", "from", "48", "/min;", "to", "120", "/min"]
+        for line in lines
+    )
+    assert "Run it: twin study thousand_patients" in lines
+    assert any(
+        line.startswith(" controller.integral") and "tuned, from" in line
+        for line in run("describe", "tune_force_control")[1]
+    )
+
+
+def test_a_filter_that_finds_nothing_says_so(run, tmp_path):
+    (tmp_path / "beat.yaml").write_text("stop_time: 1 s\nmembers: {heart: {component: heart}}\n")
+    for name in ("beat.yaml", "servomotor"):
+        assert (
+            run("describe", name, "--filter", "zzz")[0]
+            == f"{name}: nothing contains 'zzz'. Leave --filter out to see all."
+        )
+    assert any("heart.rate" in line for line in run("describe", "beat.yaml", "--filter", "HEART.rate")[1])
+
+
+def test_what_is_often_changed_in_a_scenario(run, tmp_path):
+    """The parameters that it lists first, with value, range and meaning, and a command to copy."""
+    (tmp_path / "beat.yaml").write_text(
+        "stop_time: 1 s\nmembers: {heart: {component: heart}}\nconsole: {parameters: {heart.rate: [40 /min, 120 /min]}}\n"
+    )
+    _, lines = run("describe", "beat.yaml")
+    row = next(line for line in lines if line.startswith(" heart.rate"))
+    assert [cell.strip() for cell in row.split("  ") if cell.strip()] == [
+        "heart.rate",
+        "1 Hz",
+        "40 /min to 120 /min",
+        "heart rate; a change keeps the phase",
+    ]
+    assert lines[-3:-1] == ["Run it: twin run beat.yaml", 'Change it: twin run beat.yaml --set heart.rate="120 /min"']
 
 
 def test_a_run_is_listed_with_what_differs_from_its_scenario(run, tmp_path):
@@ -109,10 +194,17 @@ def test_a_run_is_listed_with_what_differs_from_its_scenario(run, tmp_path):
         folder = tmp_path / "runs" / "some" / f"2026-01-01_10-00-{stamp}"
         folder.mkdir(parents=True)
         (folder / "scenario.yaml").write_text("seeds: [1, 2]\nvariants: {PI: {}, 'PI, slow': {}, FF: {}}\n")
-        summary = {"status": "completed", "overrides": overrides, "cases": own, "metrics": {}, "expectations": []}
+        summary = {
+            "status": "completed",
+            "passed": True,
+            "overrides": overrides,
+            "cases": own,
+            "metrics": {},
+            "expectations": [],
+        }
         (folder / "summary.json").write_text(json.dumps(summary))
     _, lines = run("list", "runs")
-    assert [line.partition("met; ")[2] for line in lines[1:]] == [
+    assert [line.partition("DONE; ")[2] for line in lines[2:]] == [
         "set a.b0=0, a.b1=1, a.b2=2, a.b3=3, and 5 more",
         'set heart.rate=1.4 Hz; only "PI", "PI, slow"; seed 3',
     ]
@@ -176,12 +268,15 @@ def test_values_and_connections_of_a_scenario(run, tmp_path):
     )
     (tmp_path / "other.yaml").write_text("stop_time: 1 s\nmembers: {h: {component: heart}}\ngroups: {m: [h]}\n")
     _, lines = run("describe", "beat.yaml")
-    assert "--all or --filter NAME shows parameters and connections." in lines
+    assert "Parameters and connections: --all or --filter NAME" in lines
     assert any(line.split() == ["b", "other.yaml#m"] for line in lines)
     assert not any("a.rate" in line for line in lines)
     _, lines = run("describe", "beat.yaml", "--filter", "a.")
     rate = next(line for line in lines if line.startswith(" a.rate"))
-    assert rate.split(maxsplit=1)[1].startswith("1.2 Hz (set by the scenario; default 1 Hz)")
+    assert rate.split(maxsplit=1)[1].startswith("1.2 Hz")
+    assert " ".join(rate.split()).endswith(
+        "at least 0 Hz heart rate; a change keeps the phase (set by the scenario; default 1 Hz)"
+    )
     assert any(line.split() == ["a.position", "w.heart_position"] for line in lines)
 
 
@@ -201,7 +296,7 @@ def test_a_scenario(run):
 
 
 def test_what_there_is_not(run):
-    message = "There is no component, scenario or FMU 'servomoter'. Did you mean 'servomotor'? See `twin list`."
+    message = "There is nothing called 'servomoter'. Did you mean 'servomotor'? See `twin list`."
     assert run("describe", "servomoter")[0] == message
 
 
@@ -243,6 +338,9 @@ def test_a_study_by_its_name_anywhere(run, tmp_path):
 
 def test_a_scenario_is_no_study(run, tmp_path):
     assert run("study", "heart_wall_force")[0] == "'heart_wall_force' is a scenario: twin run heart_wall_force"
+    assert run("run", "servomotor")[0] == "'servomotor' is a component: twin describe servomotor"
+    unknown = "There is no scenario 'zzz', and no file of this name. See `twin list scenarios`."
+    assert run("run", "zzz")[0] == unknown
     assert run("run", "thousand_patients")[0] == "'thousand_patients' is a study: twin study thousand_patients"
     (tmp_path / "mine.yaml").write_text("members: {}\n")
     assert run("study", "mine.yaml")[0] == "mine.yaml: is a scenario: twin run mine.yaml"

@@ -1,5 +1,6 @@
 """`twin run`, `resume`, `recover` and `compare`: what they ask of the packages below, what they print, how they end."""
 
+import json
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,10 +11,11 @@ from click.testing import CliRunner
 from tests.cli.replaced import Calls, replace
 from tests.cli.test_checks import RUN
 from tests.cli.test_fit_commands import run as run_command
+from tests.every_case import every_case
 from twin.cli import compare, recover, resume
 from twin.cli import run as run_module
 from twin.cli.run import HardwareOptions
-from twin.results.comparison import Comparison, Difference, MetricChange, VerdictChange
+from twin.results.comparison import Comparison, Difference, MetricChange, Missing, VerdictChange
 
 
 @pytest.fixture
@@ -171,8 +173,11 @@ def compared(calls, monkeypatch):
 
     def with_result(signals, *words, problems=(), notes=(), overrides=(), names=SAME, **others):
         given = {"a": [], "b": list(overrides)}
-        summaries = {run: {"overrides": given[run], "scenario": {"name": names[run]}} for run in "ab"}
-        opened = {name: SimpleNamespace(folder=f"folder {name}", summary=summaries[name]) for name in "ab"}
+        summaries = {run: {**SUMMARY, "overrides": given[run], "scenario": {"name": names[run]}} for run in "ab"}
+        opened = {name: SimpleNamespace(folder=Path(name), summary=summaries[name]) for name in "ab"}
+        for name in "ab":
+            Path(name).mkdir(exist_ok=True)
+            Path(name, "summary.json").write_text(json.dumps(summaries[name]))
         result = lambda tolerance: Comparison(tuple(signals), tuple(problems), tuple(notes), tolerance, **others)  # noqa: E731
         replace(monkeypatch, "twin.face", open_run=lambda path: opened[str(path)])
 
@@ -182,12 +187,24 @@ def compared(calls, monkeypatch):
 
         monkeypatch.setitem(vars(sys.modules["twin.results"]), "compare_runs", compare_runs)
         code, printed, _ = run_command(compare.command, "a", "b", *words)
-        return code, [" ".join(line.split()) for line in printed if line.strip() and "─" not in line]
+        lines = [" ".join(line.split()) for line in printed if line.strip() and "─" not in line]
+        assert lines[0] == "first: a, 2026-01-02 10:00; PASS 1 of 1"
+        assert lines[1].startswith("second: b, 2026-01-02 10:00; PASS 1 of 1")
+        return code, lines[1:] if overrides else lines[2:]
 
     return with_result
 
 
-SUMMARY = {"overrides": [], "scenario": {"name": "x"}}
+SUMMARY = {
+    "overrides": [],
+    "scenario": {"name": "x"},
+    "started": "2026-01-02T10:00:09",
+    "status": "completed",
+    "passed": True,
+    "cases": [],
+    "metrics": {},
+    "expectations": [{"verdict": "pass"}],
+}
 
 
 def test_equal_runs(compared, calls):
@@ -195,20 +212,20 @@ def test_equal_runs(compared, calls):
     same = (Difference("x", "PI", 1, 0.0, 0.0), Difference("y", "PI", 1, 1e-12, 1e-9))
     text = "The runs agree: 2 signals, 1 equal to the bit, 1 within 1e-09."
     assert compared(same, notes=["steps differ"]) == (0, [text, "note: steps differ"])
-    assert calls == [(("folder a", "folder b"), (SUMMARY, SUMMARY), 1e-9, (), ())]
+    assert calls == [((Path("a"), Path("b")), (SUMMARY, SUMMARY), 1e-9, (), ())]
     names = {"a": "x", "b": "y"}
-    assert compared(same, names=names)[1][0] == "note: The runs are of two scenarios: x and y."
+    one_sentence = "The runs are of two scenarios, x and y: 2 signals and 0 metrics have the same name and case (--all compares them)."
+    assert compared(same, names=names) == (1, [one_sentence])
+    assert compared(same, "--all", names=names)[0] == 0
     differ = "The runs differ: 0 of 2 signals (1 equal to the bit, 1 within 1e-09)"
-    assert compared(same, problems=["metric m differs"]) == (1, [f"{differ}, 1 other difference.", "metric m differs"])
+    assert compared(same, problems=["metric m differs"]) == (1, [f"{differ}, 1 metric.", "metric m differs"])
     lines = compared(same, problems=[f"p{i}" for i in range(22)])[1]
     assert lines[0] == f"{differ}, 22 other differences."
     assert lines[-2:] == ["p19", "and 2 more: use --all"]
     assert compared(same, "--signal", "heart.*", "--tolerance", "0", "--variant", "PI")[0] == 1
     assert calls[-1][2:] == (0.0, ("heart.*",), ("PI",))
-    assert compared(same, overrides=["heart.rate=1.4 Hz", "seeds=[1]"])[1][:2] == [
-        "set in the first run: nothing",
-        "set in the second run: heart.rate=1.4 Hz, seeds=[1]",
-    ]
+    changed = compared(same, overrides=["heart.rate=1.4 Hz", "seeds=[1]"])[1][0]
+    assert changed.endswith("PASS 1 of 1; set heart.rate=1.4 Hz, seeds=[1]")
 
 
 def test_differing_runs(compared):
@@ -258,12 +275,48 @@ def test_the_answer_of_a_comparison_is_on_top(compared):
     assert lines == [
         "pass -> fail: safe",
         'pass -> skipped: 2 verdicts: "paper\'s rate" and 1 more',
-        "metric variant first second ratio",
-        "force PI 10 mN 15 mN 1.50",
+        "Metrics, by relative change:",
+        "metric variant first second change",
+        "force PI 10 mN 15 mN +50 %",
         "and 1 more, smaller: use --all",
-        "The runs differ: 0 of 0 signals (0 equal to the bit, 0 within 1e-09), 2 other differences.",
+        "The runs differ: 0 of 0 signals (0 equal to the bit, 0 within 1e-09), 1 metric, 1 other difference.",
         "status: completed and failed.",
     ]
+    lines = compared((), "--all", problems=problems, verdicts=verdicts, changes=changes)[1]
+    assert len([line for line in lines if "force" in line and "mN" in line]) == 1  # not in the table and in words
+
+
+@every_case(
+    ("part", "text"),
+    [
+        (0.5, "+50 %"),
+        (-0.997, "-100 %"),
+        (-0.0287, "-2.9 %"),
+        (0.0004, "+0.04 %"),
+        (82.9, "83.9 times"),
+        (None, "+0.00 %"),
+    ],
+)
+def test_a_relative_change_in_words(part, text):
+    assert compare.percent(part) == text
+
+
+def test_runs_of_unequal_cases(compared):
+    """The missing cases come first; requirements that only one run can judge are a number."""
+    missing = [
+        Missing("case", "second", tuple(f"PI, seed {i}" for i in range(2, 9))),
+        Missing("signal", "first", ("a.x",)),
+    ]
+    verdicts = [VerdictChange(name, "skipped", "pass") for name in "abc"] + [VerdictChange("rate", "other", "pass")]
+    changes = [MetricChange("slow", "PI", "N", 1.0, 1.1), MetricChange("fast", "PI", "N", 0.01, 0.5)]
+    lines = compared((), missing=missing, verdicts=verdicts, changes=changes)[1]
+    assert lines[0].startswith("7 cases only in the second run: PI, seed 2;")
+    assert lines[1:3] == [
+        'other settings -> pass: 1 verdict: "rate"',
+        "3 requirements are judged in one run only.",
+    ]
+    assert [line.split()[0] for line in lines[5:7]] == ["fast", "slow"]  # by relative change
+    assert lines[-1] == "1 signal only in the first run: a.x"
 
 
 def test_exit_codes_reach_the_command(calls, monkeypatch):

@@ -66,8 +66,9 @@ def test_also_on_a_terminal(hostile, monkeypatch):
     assert re.sub(r"\x1b\[[0-9;]*m", "", sys.stdout.getvalue()) == "a[red]b[/b] :smile: \\x1b[31m\\x9b\n"
 
 
-@pytest.mark.parametrize("is_terminal", [True, False])
-def test_an_error_is_wrapped_on_a_terminal_alone(monkeypatch, capsys, is_terminal):
+@pytest.mark.parametrize(("is_terminal", "columns"), [(True, ""), (False, ""), (False, "40")])
+def test_an_error_is_wrapped_on_a_terminal_and_at_columns(monkeypatch, capsys, is_terminal, columns):
+    monkeypatch.setenv("COLUMNS", columns)
     monkeypatch.setattr(sys.stderr, "isatty", lambda: is_terminal)
     monkeypatch.setattr(sys.stderr, "fileno", lambda: 2)
     monkeypatch.setattr(terminal.os, "get_terminal_size", lambda number: os.terminal_size((40, 20)))
@@ -75,7 +76,7 @@ def test_an_error_is_wrapped_on_a_terminal_alone(monkeypatch, capsys, is_termina
     terminal.show_error(text)
     lines = capsys.readouterr().err.splitlines()
     path, _, rest = text.partition(" ")
-    assert lines == ([f"error: {path}", f"       {rest}"] if is_terminal else [f"error: {text}"])
+    assert lines == ([f"error: {path}", f"       {rest}"] if is_terminal or columns else [f"error: {text}"])
 
 
 @pytest.mark.parametrize("is_terminal", [True, False])

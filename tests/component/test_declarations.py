@@ -283,23 +283,31 @@ class Delaying(Component):
         (
             {"delay": 0.51},
             0.01,
-            ["delay = 0.51 s needs 51 periods of 0.01 s, and its buffer holds 50. Lower it, or sample less often."],
+            [
+                "delay = 0.51 s needs 51 periods of 0.01 s, and its buffer holds 50. Give at most 0.5 s, or sample less often."
+            ],
         ),
         (
             {"delay": 0.25},
             0.005,
-            ["rate = 1 Hz needs 200 periods of 0.005 s, and its buffer holds 100. Raise it, or sample less often."],
+            [
+                "rate = 1 Hz needs 200 periods of 0.005 s, and its buffer holds 100. Give at least 2 Hz, or sample less often."
+            ],
         ),
         (
             {"rate": 0.5, "delay": 0.1},
             0.01,
-            ["rate = 0.5 Hz needs 200 periods of 0.01 s, and its buffer holds 100. Raise it, or sample less often."],
+            [
+                "rate = 0.5 Hz needs 200 periods of 0.01 s, and its buffer holds 100. Give at least 1 Hz, or sample less often."
+            ],
         ),
         ({"rate": 0.0}, 0.01, []),
         (
             {"delay": np.array([0.1, 0.6])},
             0.01,
-            ["delay = 0.6 s needs 60 periods of 0.01 s, and its buffer holds 50. Lower it, or sample less often."],
+            [
+                "delay = 0.6 s needs 60 periods of 0.01 s, and its buffer holds 50. Give at most 0.5 s, or sample less often."
+            ],
         ),
     ],
 )

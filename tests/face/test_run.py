@@ -207,7 +207,7 @@ def test_a_live_simulation_is_the_run_at_the_rate_of_the_wall_clock(place, run, 
         for rate in (0, 100, "fast"):
             with pytest.raises(TwinError, match="not a rate"):
                 simulation.rate = rate
-        assert "<td class=number>1e+04 mm</td>" in simulation._repr_html_()
+        assert "<td class=number>10 m</td>" in simulation._repr_html_()
     assert "closed" in simulation._repr_html_()
     recorded = run["part.place"].sel(variant="strong", seed=2).values
     np.testing.assert_array_equal(simulation.results["part.place"], recorded)

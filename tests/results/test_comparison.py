@@ -47,7 +47,9 @@ def written(folder: Path, *, force: float = 0.0, every: int = 1, stop: int = 101
 
 def called(*words: object) -> tuple[int, str]:
     done = CliRunner().invoke(compare, [str(word) for word in words])
-    return done.exit_code, done.output
+    first, second, *lines = done.output.splitlines(keepends=True)
+    assert (first[:7], second[:8]) == ("first: ", "second: ")  # which runs they are
+    return done.exit_code, "".join(lines)
 
 
 def test_equal_runs_agree(tmp_path: Path) -> None:
@@ -125,8 +127,8 @@ def test_signals_of_one_run_are_one_line(tmp_path: Path) -> None:
     assert code == 1
     alone = "1 case only in the first, 59 signals only in the first, 1 signal only in the second"
     assert text.splitlines() == [
-        f"The runs differ: 0 of 2 signals (2 equal to the bit, 0 within 1e-09), {alone}.",
         "1 case only in the first run: BW, seed 1",
+        f"The runs differ: 0 of 2 signals (2 equal to the bit, 0 within 1e-09), {alone}.",
         f"59 signals only in the first run: {', '.join(name for name in names[:7] if name != 'a.x03')} and 53 more",
         "1 signal only in the second run: a.y",
     ]

@@ -426,3 +426,10 @@ def test_a_margin_may_be_reached_exactly(values: tuple[float, float], options: d
     order = Expectation("", metric="m", ordered=("A", "B"), **options)  # type: ignore[arg-type]
     (found,) = evaluate({"m": metric(reduce="mean")}, [order], tables).expectation_results
     assert found.verdict == verdict
+
+
+def test_no_power_of_ten_in_a_milli_unit() -> None:
+    """Except where the unit stands in the heading of a column."""
+    assert [format_value(value, "mN") for value in (18.08, 0.2, -10.0)] == ["18.08 N", "200 mN", "-10 N"]
+    assert format_value(18.08, "mN", keeps_unit=True) == "1.808e+04 mN"
+    assert MetricFormat("mN").number(18.08) == "1.808e+04"

@@ -69,6 +69,13 @@ def test_the_sentence_holds_for_its_own_file_only(tmp_path: Path) -> None:
     assert load_scenario(tmp_path / "s.yaml").summary == ""
 
 
+def test_no_sentence_about_settings_that_were_changed(tmp_path: Path) -> None:
+    """It may state one of them, or compare with figures of others."""
+    text, path = SCENARIO.replace("SENTENCE", "reach"), tmp_path / "s.yaml"
+    for overrides, sentence in (((), "{reach}"), (("seeds=[2]",), "{reach}"), (("heart.scale=2",), "")):
+        assert parse_scenario(text, path, overrides).sentence == sentence
+
+
 def test_every_shipped_scenario_answers_in_a_sentence() -> None:
     silent = []
     for name, path in scenario_paths.scenarios().items():

@@ -11,6 +11,7 @@ from tests.every_case import every_case
 from tests.scenario.texts import BASE, changed, problems
 from twin.errors import ScenarioError
 from twin.scenario import lint, load_scenario
+from twin.scenario.scenario_paths import located
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -295,3 +296,39 @@ def test_a_pattern_is_judged_only_where_all_members_are_known(component: str, ex
     path.write_text(f"stop_time: 1 s\nmembers: {{motor: {{component: {component}}}}}\nrecord: ['nothing*.y']\n")
     (line,) = lint(path)[1]
     assert expected in line
+
+
+@every_case(
+    ("override", "expected"),
+    [
+        (
+            "step=3 s",
+            "--set step=3 s: the run of 10 s is not a multiple of step 3 s. Change stop_time or step. (s.yaml:3)",
+        ),
+        ("stop_time=3 s", "--set stop_time=3 s: "),
+    ],
+)
+def test_an_option_that_causes_a_problem_is_named(override: str, expected: str) -> None:
+    """Not the line of the file that it does not fit; a problem of the file itself keeps its line."""
+    assert any(line.startswith(expected) for line in problems(BASE, override, "servo.mass=1 kg"))
+    wrong = BASE.replace("seeds: [1, 2]", "seeds: []")
+    assert any(line.startswith("s.yaml:4: seeds") for line in problems(wrong, override))
+
+
+def test_a_step_without_a_unit() -> None:
+    text = BASE.replace("seeds: [1, 2]", "step: 1").replace("record: [sensor.force, servo.*]", "record: {every: 5 ms}")
+    (line,) = problems(text)
+    assert line == (
+        "s.yaml:4: step 1 s is longer than 5 ms, the `every` of `record`. A number without a unit is in seconds. "
+        "Give at most 5 ms."
+    )
+
+
+def test_a_copied_scenario_says_what_it_lacks(tmp_path: Path) -> None:
+    """The remedy is to extend the shipped one, not a list of the files beside the copy."""
+    copy = tmp_path / "heart_wall_force.yaml"
+    copy.write_text(located("heart_wall_force").read_text())
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(copy)
+    advice = "The shipped scenarios have it: copy it too, or write `extends: heart_wall_force` and your changes alone."
+    assert [line.endswith(advice) for line in caught.value.problems] == [True] * 3

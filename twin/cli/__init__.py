@@ -17,7 +17,7 @@ import click
 
 from twin import __version__
 from twin.cli.plugins import plugin_commands, summary
-from twin.cli.terminal import handle_broken_pipe, open_streams, say, show_error
+from twin.cli.terminal import handle_broken_pipe, line_width, open_streams, say, show_error, wrap_text
 from twin.errors import TwinError, nearest, printable
 from twin.process import command_line, end, handle_signals, is_interrupted, memory_is_limited
 
@@ -28,7 +28,7 @@ COMMANDS = {  # by task
     "Run and look": {
         "demo": "show three commands to begin with, as `twin` alone does",
         "list": "list scenarios, studies, components, drive profiles and runs",
-        "describe": "show variables, units and bounds of a component, scenario or FMU",
+        "describe": "show units and bounds of what `twin list` names, or of an FMU",
         "run": "run a scenario: all variants and seeds, metrics, report",
         "view": "view runs or a scene in the browser; write HTML, CSV, MAT, MCAP",
         "console": "operate a scenario live in the browser",
@@ -181,7 +181,8 @@ def run_command(command: click.Command, name: str) -> int:
         error.show()
         return error.exit_code
     except click.ClickException as error:
-        error.__dict__["message"] = printable(error.message)
+        lines = wrap_text(error.message, "Error: ", line_width(sys.stderr))
+        error.__dict__["message"] = "\n".join(begin + words for begin, words in lines).removeprefix("Error: ")
         error.show()
         return error.exit_code
     except (TwinError, OSError, MemoryError) as error:

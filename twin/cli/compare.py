@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -12,11 +12,14 @@ from twin.cli.options import signal_option
 from twin.cli.terminal import say, show_table, show_text
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from twin.results import Comparison, MetricChange
 
 MAX_LISTED = 20  # metrics, and other differences, without --all
 MAX_SIGNALS = 8  # without --all
 MAX_NAMES = 6  # names in a line without --all
+MAX_CASES = 2  # of the cases of one run only, the same
 
 
 @click.command(name="compare")
@@ -45,9 +48,9 @@ def command(
 
     Exit code 0 if nothing differs by more than the tolerance, else 1, so that a CI job can compare with a reference run.
 
-    Changed verdicts come first, new failures on top. Metrics are means over the seeds; changes that are large over the
-    seeds' spread come first. Signals are sorted by relative difference, each with that of the case in which it is largest
-    and the number of cases (--all lists them); the signal with the earliest `from` is the likeliest cause. Requirements
+    Cases of one run only and changed verdicts come first, new failures on top. Metrics are means over the seeds, sorted by
+    relative change, without those that changed within the spread of the seeds (--all lists them). Signals are sorted by relative difference, each with that of the case in which it is largest
+    and the number of cases; the signal with the earliest `from` is the likeliest cause. Requirements
     are of all variants: --variant leaves them out. Runs with different communication steps are compared by
     interpolation, with a note.
 
@@ -55,27 +58,31 @@ def command(
     twin compare runs/mine/2026-11-22_08-14-00 runs/mine/latest
     twin compare before runs/mine/latest --tolerance 1e-6 --signal "sensor.*"
     """
+    from twin.cli.list import outcome
     from twin.face import open_run
     from twin.results import compare_runs
 
     runs = open_run(first), open_run(second)
     folders, summaries = (runs[0].folder, runs[1].folder), (runs[0].summary, runs[1].summary)
     comparison = compare_runs(folders, summaries, tolerance, patterns, variants)
-    names = list(dict.fromkeys(summary["scenario"]["name"] for summary in summaries))
-    if len(names) > 1:
-        show_text(f"The runs are of two scenarios: {names[0]} and {names[1]}.", "note: ")
-    show_verdicts(comparison, everything)
-    if summaries[0]["overrides"] != summaries[1]["overrides"]:
-        for word, summary in zip(("first", "second"), summaries, strict=True):
-            show_text(", ".join(summary["overrides"]) or "nothing", f"set in the {word} run: ")
+    for word, folder, summary in zip(("first", "second"), folders, summaries, strict=True):
+        show_text(f"{with_time(folder, str(summary['started']))}; {outcome(folder)}", f"{word}: ")
+    if summaries[0]["scenario"]["name"] != summaries[1]["scenario"]["name"] and not everything:
+        show_text(two_scenarios(comparison, summaries))
+        sys.exit(1)
+    cases = [entry for entry in comparison.missing if entry.kind == "case"]
+    for entry in cases:
+        show_text(entry.text(len(entry.names) if everything else MAX_CASES))
+    show_verdicts(comparison, everything, has_all_cases=not cases)
     if not patterns:
         show_metrics(comparison, everything)
     show_text(comparison.headline)
     for note in comparison.notes:
         show_text(note, "note: ")
-    for entry in comparison.missing:
+    for entry in (entry for entry in comparison.missing if entry not in cases):
         show_text(entry.text(len(entry.names) if everything else MAX_NAMES))
-    above = ("metric ", "requirement ") if comparison.changes and not everything else ()
+    changed = {change.metric for change in comparison.changes if not is_small(change, tolerance)}
+    above = (*(f"metric {name} of" for name in changed), *["requirement "] * bool(comparison.verdicts))
     problems = [problem for problem in comparison.problems if not problem.startswith(above)]
     for problem in problems[: None if everything else MAX_LISTED]:
         show_text(problem)
@@ -85,18 +92,43 @@ def command(
         sys.exit(1)
 
 
-def show_verdicts(comparison: Comparison, everything: bool) -> None:
-    """Print the verdicts that changed: a line for each that is, or was, a failure; the others in one line with their number."""
+def with_time(folder: Path, started: str) -> str:
+    """Return the path of a run, with the time of its start if its name does not say it."""
+    minute = started[:16]
+    return (
+        str(folder)
+        if minute.replace("T", "_").replace(":", "-") in folder.name
+        else f"{folder}, {minute.replace('T', ' ')}"
+    )
+
+
+def two_scenarios(comparison: Comparison, summaries: Sequence[Mapping[str, Any]]) -> str:
+    """Return a sentence on what runs of two scenarios have in common."""
+    names = " and ".join(summary["scenario"]["name"] for summary in summaries)
+    signals, metrics = ({each.name for each in comparison.signals}, {each.metric for each in comparison.changes})
+    return f"The runs are of two scenarios, {names}: {len(signals)} signals and {len(metrics)} metrics have the same name and case (--all compares them)."
+
+
+def show_verdicts(comparison: Comparison, everything: bool, *, has_all_cases: bool) -> None:
+    """Print the verdicts that changed: a line for each that is, or was, a failure; the others in one line with their number.
+
+    Without `has_all_cases` requirements that only one run judges are counted: the cases say why.
+    """
     others: dict[tuple[str, str], list[str]] = {}
-    for name, first, second in comparison.verdicts:
-        if everything or "fail" in (first, second):
+    unjudged = 0
+    for name, *verdicts in comparison.verdicts:
+        first, second = ("other settings" if verdict == "other" else verdict for verdict in verdicts)
+        if "skipped" in verdicts and not has_all_cases:
+            unjudged += 1
+        elif everything or "fail" in verdicts:
             show_text(f"{first} -> {second}: {name}")
         else:
             others.setdefault((first, second), []).append(f'"{name}"')
     for (first, second), names in others.items():
         more = f" and {len(names) - 1} more" * (len(names) > 1)
-        after = "other settings" if second == "other" else second
-        show_text(f"{len(names)} verdict{'s' * (len(names) > 1)}: {names[0]}{more}", f"{first} -> {after}: ")
+        show_text(f"{len(names)} verdict{'s' * (len(names) > 1)}: {names[0]}{more}", f"{first} -> {second}: ")
+    if unjudged:
+        show_text(f"{unjudged} requirement{'s are' if unjudged > 1 else ' is'} judged in one run only.")
 
 
 def show_metrics(comparison: Comparison, everything: bool) -> None:
@@ -111,18 +143,31 @@ def show_metrics(comparison: Comparison, everything: bool) -> None:
         values = [value * factor + offset for each in own for value in (each.first, each.second) if value is not None]
         formats[name] = (common_format(values, unit), factor, offset)
     changes = [each for each in comparison.changes if not is_small(each, comparison.tolerance)]
+    changes.sort(key=lambda each: -abs(each.relative or 0.0) if has_ratio(each) else 1.0)
     rows = []
     for change in changes if everything else [each for each in changes if each.significance > 1][:MAX_LISTED]:
         shown, factor, offset = formats[change.metric]
         pair = (change.first, change.second)
         texts = ["-" if value is None else shown.text(value * factor + offset) for value in pair]
-        ratio = change.second / change.first if change.first and change.second is not None else None
-        is_ratio = ratio is not None and abs(change.first or 0.0) > change.spread
-        rows.append([change.metric, change.variant, *texts, f"{ratio:.2f}" if is_ratio else "-"])
-    show_table(["metric", "variant", "first", "second", "ratio"], rows, 2)
+        rows.append([change.metric, change.variant, *texts, percent(change.relative) if has_ratio(change) else "-"])
+    if rows:
+        say("Metrics, by relative change:")
+    show_table(["metric", "variant", "first", "second", "change"], rows, 2)
     if len(changes) > len(rows):
         smaller = "smaller" if rows else "within the spread of the seeds"
         say(f"and {len(changes) - len(rows)} more, {smaller}: use --all")
+
+
+def has_ratio(change: MetricChange) -> bool:
+    """Whether a relative change says something: the first value is more than the spread of the seeds."""
+    return change.relative is not None and abs(change.first or 0.0) > change.spread
+
+
+def percent(part: float | None) -> str:
+    """Return a relative change as `+12 %`, a large one as a factor."""
+    value = 100.0 * (part or 0.0)
+    decimals = 0 if abs(value) >= 10.0 else 1 if abs(value) >= 1.0 else 2
+    return f"{value:+.{decimals}f} %" if abs(value) < 900.0 else f"{1.0 + value / 100.0:.3g} times"
 
 
 def is_small(change: MetricChange, tolerance: float) -> bool:

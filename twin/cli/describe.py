@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from twin.cli import completion
-from twin.cli.options import filter_option
+from twin.cli.options import filter_option, runs_option
 from twin.cli.terminal import say, show_elapsed, show_table, show_text
-from twin.errors import TwinError, nearest, quote_names
+from twin.errors import TwinError, quote_names, suggestion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 HIDDEN = ("state", "derivative", "local", "independent")  # roles and causalities that cannot be set or connected
 SHORT = 30  # characters of a vector
 TITLES = ("start", "bounds", "description")
+NOT_PLAIN = ("scenarios", "studies", "components", "runs")  # kinds that are described by more than a line
+USES = {"profiles": " Use it in a hardware file, `profile: {name}`, or simulate it: twin drive --profile {name}"}
 
 
 @click.command("describe")
@@ -36,33 +38,87 @@ TITLES = ("start", "bounds", "description")
     help="Also show states and local variables, whole vectors; of a scenario parameters and connections.",
 )
 @filter_option
-def command(what: str, everything: bool, text: str) -> None:
-    """Describe a component (by name or `module:Class`), a scenario (by name or file), or any FMU file.
+@runs_option
+def command(what: str, everything: bool, text: str, runs: Path) -> None:
+    """Describe what `twin list` lists: a component, a scenario, a study, a drive profile or a run; also a file or any FMU.
 
     Values are in the display unit; `from` names the source of a parameter's value. Of a scenario, --all and --filter show
     the parameters of its members as they will run, and the connections.
 
     \b
     twin describe servomotor
-    twin describe heart_wall_force --filter sensor
+    twin describe heart_wall_force --filter heart.rate
+    twin describe thousand_patients
+    twin describe latest
     twin describe any.fmu --all
     """
+    shown = show_named(what, everything, text, runs)
+    if text and not shown:
+        raise TwinError(f"{what}: nothing contains {text!r}. Leave --filter out to see all.")
+
+
+def show_named(what: str, everything: bool, text: str, runs: Path) -> bool:
+    """Describe something by its name or file; return whether a table was printed."""
+    from twin.cli.list import kinds_of_names, show_run
     from twin.component import catalog
+    from twin.results import find_by_time, resolve_latest
     from twin.scenario import scenario_paths
 
     path = Path(what)
     if path.suffix == ".fmu":
-        show_fmu(path, everything, text)
-    elif ":" in what or what in catalog.names():
+        return show_fmu(path, everything, text)
+    if ":" in what or what in catalog.names():
         cls = catalog.component(what)
         say(f"{what}: {kind(cls)}")
-        show_component(cls, everything, text)
-    elif path.suffix or what in (scenarios := scenario_paths.scenarios()):
-        show_scenario(path, everything, text)
-    else:
-        raise TwinError(
-            f"There is no component, scenario or FMU {what!r}. {nearest(what, [*catalog.names(), *scenarios])} See `twin list`."
-        )
+        return show_component(cls, everything, text)
+    if what in (scenarios := scenario_paths.scenarios()):
+        return show_scenario(path, everything, text)
+    studies = scenario_paths.scenarios("study")
+    if what in studies or path.parent.name == "studies":
+        return show_study(studies.get(what, path), text)
+    if path.suffix:
+        return show_scenario(path, everything, text)
+    folder = resolve_latest(path, root=runs) if path.name == "latest" else find_by_time(runs, path)
+    if (folder / "summary.json").is_file():
+        return show_run(folder)
+    listings = {name: listing for name, listing in kinds_of_names(runs).items() if name not in NOT_PLAIN}
+    for listed_kind, listing in listings.items():
+        if what in (lines := listing()):
+            show_text(f"{what}: {lines[what]}")
+            show_text(f"One of `twin list {listed_kind}`.{USES.get(listed_kind, '').format(name=what)}")
+            return True
+    names = [*catalog.names(), *scenarios, *studies, *(name for listing in listings.values() for name in listing())]
+    advice = " ".join(filter(None, [suggestion(what, names), "See `twin list`."]))
+    raise TwinError(f"There is nothing called {what!r}. {advice}")
+
+
+def show_study(path: Path, text: str) -> bool:
+    """Print the title of a study, what varies, and how to run it."""
+    from twin.scenario import read
+
+    keys = read(path, str(path)).plain()
+    say(f"{path}: {keys.get('title', 'study')}")
+    if not text:
+        say_lines(str(keys.get("description", "")))
+    samples = ", ".join(f"{key} {value}" for key, value in keys.get("samples", {}).items())
+    say(f"Scenario: {Path(str(keys['scenario'])).stem}" + f"; samples: {samples}" * bool(samples))
+    knobs = keys.get("tune", {}).get("knobs", {})
+    rows = [(name, spread_text(factor)) for name, factor in keys.get("vary", {}).items()]
+    rows += [(name, f"tuned, {spread_text(factor)}") for name, factor in knobs.items()]
+    shown = show_table(("varies", "how"), [row for row in rows if text in " ".join(row)], 2)
+    say(f"Run it: twin study {path.stem}")
+    say(f"How long it takes: twin study {path.stem} --check")
+    return shown
+
+
+def spread_text(factor: dict[str, Any]) -> str:
+    """Return how a factor is distributed: `normal 75 /min, 13 /min; from 48 /min`."""
+    texts = [
+        f"{key.replace('_', '-')} {', '.join(map(str, value)) if isinstance(value, list) else value}"
+        for key, value in factor.items()
+        if key != "source"
+    ]
+    return "; ".join(texts)
 
 
 def kind(cls: type[Component]) -> str:
@@ -77,8 +133,8 @@ def kind(cls: type[Component]) -> str:
     return f"sampled component, {clock.text(cls.period_ns)}" if cls.period_ns else "component of the communication step"
 
 
-def show_component(cls: type[Component], everything: bool, text: str) -> None:
-    """Print the documentation of a component, its variables and its terminals."""
+def show_component(cls: type[Component], everything: bool, text: str) -> bool:
+    """Print the documentation of a component, its variables and its terminals; return whether it has any."""
     say_lines(inspect.cleandoc(cls.__doc__ or ""))
     selected = [
         variable for variable in cls.variables if (everything or variable.role not in HIDDEN) and text in variable.name
@@ -95,13 +151,14 @@ def show_component(cls: type[Component], everything: bool, text: str) -> None:
             if variable.role == role
         ]
         print_table(role, rows)
-    terminals = cls.terminals.items()
+    terminals = [item for item in cls.terminals.items() if text in item[0]]
     rows = [(name, "", "", f"{terminal.description}: {', '.join(terminal.members)}") for name, terminal in terminals]
     print_table("terminal", rows)
+    return bool(selected or rows)
 
 
-def show_fmu(path: Path, everything: bool, text: str) -> None:
-    """Print the model description and the variables of an FMU of any platform."""
+def show_fmu(path: Path, everything: bool, text: str) -> bool:
+    """Print the model description and the variables of an FMU of any platform; return whether it has any."""
     from twin.fmi import fmu_info
 
     info = fmu_info.outline(path)
@@ -125,9 +182,10 @@ def show_fmu(path: Path, everything: bool, text: str) -> None:
             if variable.causality == causality
         ]
         print_table(causality, rows)
+    return bool(selected)
 
 
-def show_scenario(path: Path, everything: bool = False, text: str = "") -> None:
+def show_scenario(path: Path, everything: bool = False, text: str = "") -> bool:
     """Print the description of a scenario, its variants, members, metrics and expectations; with `text` what contains it."""
     from twin import clock
     from twin.scenario import load_scenario
@@ -152,28 +210,71 @@ def show_scenario(path: Path, everything: bool = False, text: str = "") -> None:
         ("metric", metrics, "description"),
         ("requirement", [(item.name, "", limits(item), "") for item in scenario.expectations], "description"),
     ]
+    shown = False
     for title, rows, last in tables:
-        print_table(title, [row for row in rows if text in " ".join(row)], last)
+        shown |= print_table(title, [row for row in rows if text.lower() in " ".join(row).lower()], last)
     if everything or text:
-        show_settings(scenario, text)
-    else:
-        say("--all or --filter NAME shows parameters and connections.")
+        shown |= show_settings(scenario, text)
     if (record := scenario.mutations) is not None and not text:
         detected = record.tried - len(record.unnoticed)
         say(f"The requirements detect {detected} of {record.tried} deliberate faults (benchmarks/mutations.py).")
-        print_table("undetected fault", [(name, "", "", reason) for name, reason in record.unnoticed.items()], "reason")
+        undetected = [(name, "", "", reason) for name, reason in record.unnoticed.items()] if everything else []
+        print_table("undetected fault", undetected, "reason")
+    if not everything and not text:
+        show_often_changed(scenario)
+    return shown
 
 
-def show_settings(scenario: ScenarioSpec, text: str) -> None:
-    """Print the parameters of the members as they will run, and the connections: those that contain a text."""
+def show_often_changed(scenario: ScenarioSpec) -> None:
+    """Print the parameters that the scenario lists first, with their ranges, and commands to copy."""
+    listed = scenario.console_parameters
+    settings = {name: (value, meaning) for name, value, _, meaning, _ in settings_of(scenario)} if listed else {}
+    rows = [
+        (name, settings.get(name, ("", ""))[0], " to ".join(map(str, ends)), settings.get(name, ("", ""))[1])
+        for name, ends in listed.items()
+    ]
+    show_table(("often changed", "value", "range", "meaning"), rows, 4)
+    command = f"twin run {scenario.name if scenario.path.parent.name == 'scenarios' else scenario.path}"
+    say(f"Run it: {command}")
+    if example := next(((name, ends[-1]) for name, ends in listed.items() if ends), None):
+        value = f'"{example[1]}"' if " " in str(example[1]) else example[1]
+        say(f"Change it: {command} --set {example[0]}={value}")
+    say("Parameters and connections: --all or --filter NAME")
+
+
+def settings_of(scenario: ScenarioSpec) -> list[tuple[str, str, str, str, str]]:
+    """Return name, value, bounds, meaning, and what sets it, of each parameter as it will run, equal ones once."""
     from twin.run import parameter_rows, resolve_catalogs
 
-    rows = []
-    for row in parameter_rows(scenario.variants, resolve_catalogs(scenario), str(scenario.path)):
+    catalogs = resolve_catalogs(scenario)
+    variables = {
+        f"{member}.{name}": variable
+        for catalog in catalogs.values()
+        for member, own in catalog.items()
+        for name, variable in own.items()
+    }
+    rows: dict[tuple[str, str], tuple[str, list[str]]] = {}
+    for row in parameter_rows(scenario.variants, catalogs, str(scenario.path)):
+        name, value = f"{row.member}.{row.name}", f"{row.value} {row.unit}".rstrip()
         source = row.source.partition(": ")[0] if row.given else ""  # without that of the component's default
-        notes = "; ".join(filter(None, (source, row.variants and f"only {row.variants}")))
-        rows.append((f"{row.member}.{row.name}", " ".join(filter(None, (row.value, row.unit, notes and f"({notes})")))))
-    show_table(("parameter", "value"), [row for row in rows if text in row[0]], 2)
+        source = source.replace(f"{scenario.path.parent}/", "").removesuffix(f"; default {value}")
+        notes = ", ".join(filter(None, (source, row.variants and f"only {row.variants}")))
+        rows.setdefault((name, value), (row.description, []))[1].append(notes)
+    values = [name for name, _ in rows]
+    return [
+        (name, value, bounds(variables[name]), meaning, notes[0] if len(notes) == 1 or values.count(name) > 1 else "")
+        for (name, value), (meaning, notes) in rows.items()
+    ]
+
+
+def show_settings(scenario: ScenarioSpec, text: str) -> bool:
+    """Print the parameters of the members as they will run, and the connections: those that contain a text."""
+    own = [
+        (name, *texts, f"{meaning} ({note})".lstrip() if note else meaning)
+        for name, *texts, meaning, note in settings_of(scenario)
+        if text.lower() in name.lower()
+    ]
+    shown = show_table(("parameter", "value", "bounds", "meaning"), own, 4)
     connections: dict[tuple[str, str], list[str]] = {}
     for case in scenario.variants:
         for link in case.connections:
@@ -182,9 +283,9 @@ def show_settings(scenario: ScenarioSpec, text: str) -> None:
     wires = [
         (*ends, "" if len(variants) == len(scenario.variants) else f"only {', '.join(quote_names(variants))}")
         for ends, variants in connections.items()
-        if text in " ".join(ends)
+        if text.lower() in " ".join(ends).lower()
     ]
-    show_table(("from", "to", *["variants"] * several), (wire[: 2 + several] for wire in wires), 3)
+    return show_table(("from", "to", *["variants"] * several), (wire[: 2 + several] for wire in wires), 3) or shown
 
 
 def limits(item: Expectation) -> str:
@@ -275,9 +376,10 @@ def unit(variable: Variable | MemberVariable) -> str:
     return variable.display_unit or variable.unit
 
 
-def print_table(title: str, rows: Iterable[tuple[str, str, str, str]], last: str = TITLES[-1]) -> None:
-    """Print rows under a title, without empty columns."""
+def print_table(title: str, rows: Iterable[tuple[str, str, str, str]], last: str = TITLES[-1]) -> bool:
+    """Print rows under a title, without empty columns; return whether there are any."""
     columns = zip((title, *TITLES[:-1], last), *rows, strict=True)
     if used := [column for column in columns if any(column[1:])]:
         titles, *used_rows = zip(*used, strict=True)
-        show_table(titles, used_rows, len(titles))
+        return show_table(titles, used_rows, len(titles))
+    return False

@@ -14,9 +14,10 @@ from twin.cli.terminal import open_console, show_text
 from twin.errors import ScenarioError, TwinError, nearest, quote_names
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Sequence
 
 MAX_OVERRIDES = 4  # of a run
+MAX_RUNS = 3  # in the overview
 Listing = dict[str, str]  # descriptions by name
 
 
@@ -25,7 +26,7 @@ Listing = dict[str, str]  # descriptions by name
 @filter_option
 @runs_option
 def command(kinds: tuple[str, ...], text: str, runs: Path) -> None:
-    """List entries of each KIND: scenarios, studies, components, profiles (of drives), runs.  [default: all kinds]
+    """List entries of each KIND with their titles: scenarios, studies, components, profiles (of drives), runs.  [default: names of all kinds]
 
     Nothing is imported or run. Commands accept the listed names; `twin describe NAME` shows details.
 
@@ -33,25 +34,61 @@ def command(kinds: tuple[str, ...], text: str, runs: Path) -> None:
     twin list
     twin list components --filter force
     """
-    listings: dict[str, Callable[[], Listing]] = {
+    if runs != Path("runs") and not runs.is_dir():
+        raise TwinError(f"--runs {runs}: there is no such folder. Leave it out, or name a folder of results.")
+    listings = kinds_of_names(runs)
+    for kind in kinds:
+        if kind not in listings:
+            raise TwinError(f"There is no list of {kind!r}. {nearest(kind, listings)}")
+    count = 0
+    for kind in kinds or listings:
+        listing = listings[kind]()
+        lines = {name: line for name, line in listing.items() if text.lower() in f"{name} {line}".lower()}
+        count += len(lines)
+        if text and not lines:
+            continue
+        show_text("", f"{kind}: {len(lines)}{hint(kind, lines, runs)}", "bold")
+        groups = {"scenarios": by_topic, "components": by_folder, "runs": by_scenario}.get(kind)
+        for heading, names in (groups(lines) if groups else {"": [*lines]}).items():
+            if not kinds and not text:
+                show_names(heading, names, kind)
+                continue
+            if heading:
+                show_text("", f" {heading}:", "bold")
+            show((Path(name).name if kind == "runs" else name, lines[name]) for name in names)
+    if text and not count:
+        raise TwinError(f"Nothing contains {text!r}. See `twin list{''.join(f' {kind}' for kind in kinds)}`.")
+    if not kinds and not text:
+        show_text("Titles: `twin list KIND`, such as `twin list scenarios`. Details: `twin describe NAME`.")
+
+
+def kinds_of_names(runs: Path) -> dict[str, Callable[[], Listing]]:
+    """Return what lists the names of each kind."""
+    return {
         "scenarios": lambda: titles("scenario"),
         "studies": lambda: titles("study"),
         "components": components,
         **{kind: point.load() for kind, point in installed.entry_points("twin.listed").items()},
         "runs": lambda: runs_by_folder(runs),
     }
-    for kind in kinds:
-        if kind not in listings:
-            raise TwinError(f"There is no list of {kind!r}. {nearest(kind, listings)}")
-    for kind in kinds or listings:
-        listing = listings[kind]()
-        lines = {name: line for name, line in listing.items() if text.lower() in f"{name} {line}".lower()}
-        show_text("", f"{kind}: {len(lines)}", "bold")
-        group = {"scenarios": by_topic, "components": by_folder}.get(kind)
-        for heading, names in (group(lines) if group else {"": [*lines]}).items():
-            if heading:
-                show_text("", f" {heading}:", "bold")
-            show((name, lines[name]) for name in names)
+
+
+def hint(kind: str, lines: Listing, runs: Path) -> str:
+    """Return what follows the number of entries: of runs their folder and order, or how to make one."""
+    if kind != "runs":
+        return ""
+    return f", in {runs}, newest first" if lines else f" in {runs}; `twin run heart_wall_force` makes one"
+
+
+def show_names(heading: str, names: Sequence[str], kind: str) -> None:
+    """Print the names of a group in few lines; of runs the latest."""
+    label = f" {heading}: " if heading else " "
+    if kind == "runs":
+        names = [Path(name).name for name in names]
+        more = f" and {len(names) - MAX_RUNS} more" * (len(names) > MAX_RUNS)
+        show_text(", ".join(names[:MAX_RUNS]) + more, label)
+    else:
+        show_text(", ".join(names), label)
 
 
 def show(lines: Iterable[tuple[str, str]]) -> None:
@@ -115,18 +152,40 @@ def runs_by_folder(folder: Path) -> Listing:
     return {path.as_posix(): outcome(path) for path in finished_runs(folder)}
 
 
+def by_scenario(names: Iterable[str]) -> dict[str, list[str]]:
+    """Group runs by their scenario, that of the latest run first."""
+    groups: dict[str, list[str]] = {}
+    for name in names:
+        groups.setdefault(Path(name).parent.name, []).append(name)
+    return groups
+
+
 def outcome(folder: Path) -> str:
     """Return how a run ended, from its summary, and in what it differs from the whole scenario."""
-    from twin.results import count_verdicts
+    from twin.results import describe_outcome
 
     try:
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-        met, judged = count_verdicts(summary)
-        cases = len(summary["cases"])
-        text = f"{summary['status']}, {cases} case{'s' * (cases != 1)}, {met} of {judged} requirements met"
-        return "; ".join([text, *settings(summary, folder / "scenario.yaml")])
+        word, counts = describe_outcome(summary)
+        return "; ".join(
+            [f"{word} {counts.replace(' requirements', '')}".rstrip(), *settings(summary, folder / "scenario.yaml")]
+        )
     except (OSError, ValueError, KeyError, TypeError):
         return "its summary.json cannot be read"
+
+
+def show_run(folder: Path) -> bool:
+    """Print how a run ended, in what it differs from its scenario, and what to do with it; return True."""
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    about = summary["scenario"]
+    name = folder.resolve().name if folder.parent.parent == Path("runs") else folder
+    show_text(f"{folder}: run of {about['name']}, {str(summary['started'])[:16].replace('T', ' ')}")
+    for line in (about["title"], outcome(folder), summary.get("sentence", "")):
+        if line:
+            show_text(line)
+    show_text(f"Look: twin view {name}")
+    show_text(f"Compare with another run: twin compare {name} RUN")
+    return True
 
 
 def settings(summary: dict[str, Any], scenario: Path) -> list[str]:
@@ -143,6 +202,10 @@ def settings(summary: dict[str, Any], scenario: Path) -> list[str]:
     variants, seeds = (list(dict.fromkeys(case[key] for case in summary["cases"])) for key in ("variant", "seed"))
     if 0 < len(variants) < len(root.get("variants").entries):
         texts.append(f"only {', '.join(quote_names(variants))}")
-    if seeds and seeds != [seed.value for seed in root.get("seeds").value or ()]:
+    if (
+        seeds
+        and seeds != [seed.value for seed in root.get("seeds").value or ()]
+        and (seeds != [0] or "seeds" in root.entries)
+    ):
         texts.append(f"seed{'s' * (len(seeds) > 1)} {', '.join(map(str, seeds))}")
     return texts

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from twin.scenario import ScenarioSpec
 
 NUMBERS = re.compile(r"[\s\[\]\d.,eE+-]+")  # the value of `--set` is one number or several, without a unit
+NOTE, WARNING = "note: ", "warning: "  # before a remark
 TIMES = ("start_time", "stop_time", "step", "period", "communication_step")
 
 
@@ -275,9 +276,9 @@ def recover_interrupted(runs: Path) -> None:
 
         try:
             outcome = recover(folder)
-            say(f"note: {folder}: recovered; {outcome.run.status}: {outcome.run.reason}", err=True)
+            show_error(f"{folder}: recovered; {describe_ending(outcome.run.status, outcome.run.reason)}", NOTE)
         except (TwinError, OSError) as error:  # e.g. another process recovers it at this moment
-            say(f"note: {error}", err=True)
+            show_error(str(error), NOTE)
 
 
 class RunProgress(ProgressBar):
@@ -297,7 +298,8 @@ class RunProgress(ProgressBar):
         if self.bar is not None:
             self.bar.console.print(line)
         elif self.enabled:
-            say(line, err=True)
+            label = next(filter(line.startswith, (WARNING, NOTE)), "")
+            show_error(line.removeprefix(label), label)
 
 
 def show(outcome: RunResult, report: bool, verbose: bool = False) -> None:
@@ -313,7 +315,7 @@ def show(outcome: RunResult, report: bool, verbose: bool = False) -> None:
         show_text(", ".join(with_unit(option, outcome) for option in outcome.scenario.overrides), "set: ")
     console.print(results_table(outcome.evaluation, verbose))
     for note in group_lines(outcome.run.extra.get("notes", []), outcome.tables):
-        show_text(note, "note: ")
+        show_text(note.replace(WARNING, "", 1), WARNING if WARNING in note else NOTE)
     for line in outcome.run.extra.get("hardware", {}).get("shown", []):
         console.print(line)
     for (variant, seed), ending in outcome.terminations.items():
@@ -324,8 +326,13 @@ def show(outcome: RunResult, report: bool, verbose: bool = False) -> None:
             console.print(f"on the bus at {line}")
     if outcome.run.status != "completed":
         for line in group_lines(outcome.run.reason.splitlines(), outcome.tables):
-            show_error(line, f"{outcome.run.status}: ")
+            show_error(describe_ending(outcome.run.status, line), "")
     show_verdict(outcome, report)
+
+
+def describe_ending(status: str, reason: str) -> str:
+    """Return how a run ended: `failed: PI, seed 1: ...`, `interrupted in PI, seed 1`."""
+    return reason if reason.startswith(status) else f"{status}: {reason}"
 
 
 def with_unit(option: str, outcome: RunResult) -> str:
@@ -345,21 +352,14 @@ def with_unit(option: str, outcome: RunResult) -> str:
 
 def show_verdict(outcome: RunResult, report: bool) -> None:
     """Print the last line: the verdict, how many requirements are met, the computing time, and where to look."""
-    from twin.results import count_verdicts
+    from twin.results import describe_outcome
 
     run, summary = outcome.run, outcome.summary
-    met, judged = count_verdicts(summary)
-    if run.status != "completed":
-        word = run.status.upper()
-    else:
-        word = ("PASS" if summary["passed"] else "FAIL") if judged else "DONE"
+    word, counts = describe_outcome(summary)
     factor = run.real_time_factor
     speed = f" ({factor:.{0 if factor >= 10 else 1}f}x real time)" if factor else ""
-    skipped = sum(result["verdict"] == "skipped" for result in summary["expectations"])
-    rest = f", {skipped} not judged" * bool(skipped)
-    counts, end = (f"{met} of {judged}{rest} ", " ") if word == "PASS" else ("", " ")
-    if met < judged and word != "PASS":
-        counts, end = f"{judged - met} of {judged} requirements failed{rest}, ", ": "
+    has_failed = counts and word != "PASS"
+    counts, end = (f"{counts}, " if has_failed else f"{counts} " * bool(counts)), ": " if has_failed else " "
     folder = "latest" if outcome.folder.parent.parent == Path("runs") else str(outcome.folder)
     prefix = "DRY RUN, drives have not moved: " * bool(summary.get("hardware", {}).get("dry_run"))
     text, file = f"{counts}in {run.wall_time:.3g} s{speed}.", "report.html" if report else "summary.json"

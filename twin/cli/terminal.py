@@ -10,7 +10,7 @@ import os
 import sys
 import threading
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 UNLIMITED = 10_000  # columns
+MAX_NAME = 40  # letters of a name that a table does not break
 NO_BREAK_SPACE = "\N{NO-BREAK SPACE}"
 SECOND = 1.0
 BROKEN_PIPE = 141  # exit code of shells for SIGPIPE
@@ -63,9 +64,16 @@ def open_console(*, err: bool = False) -> Console:
             self.file.write("\n".join(line.rstrip() for line in captured.get().split("\n")))
 
     stream = sys.stderr if err else sys.stdout
-    columns = os.environ.get("COLUMNS", "")
-    width = None if stream.isatty() else int(columns) if columns.isdecimal() and int(columns) else UNLIMITED
+    width = None if stream.isatty() else line_width(stream)
     return EscapingConsole(file=stream, markup=False, emoji=False, highlight=False, width=width)
+
+
+def line_width(stream: TextIO) -> int:
+    """Return the columns of a stream: of its terminal, or COLUMNS, else no limit."""
+    columns = os.environ.get("COLUMNS", "")
+    if stream.isatty():
+        return os.get_terminal_size(stream.fileno()).columns or UNLIMITED
+    return int(columns) if columns.isdecimal() and int(columns) else UNLIMITED
 
 
 def show_text(text: str, label: str = "", style: str = "") -> None:
@@ -81,9 +89,8 @@ def show_text(text: str, label: str = "", style: str = "") -> None:
 
 
 def show_error(text: str, label: str = "error: ") -> None:
-    """Print a line to stderr, on a terminal wrapped as by `show_text`."""
-    columns = os.get_terminal_size(sys.stderr.fileno()).columns if sys.stderr.isatty() else 0
-    for begin, words in wrap_text(text, label, columns or UNLIMITED):
+    """Print a line to stderr, on a terminal or at COLUMNS wrapped as by `show_text`."""
+    for begin, words in wrap_text(text, label, line_width(sys.stderr)):
         say(begin + words, err=True)
 
 
@@ -117,17 +124,21 @@ def make_table(*titles: str, left: int) -> Table:
     return table
 
 
-def show_table(titles: Iterable[str], rows: Iterable[Iterable[str | Text]], left: int, *, texts: int = 0) -> None:
-    """Print a table whose first `left` columns, and last `texts` ones, are aligned to the left; nothing without rows."""
+def show_table(titles: Iterable[str], rows: Iterable[Iterable[str | Text]], left: int, *, texts: int = 0) -> bool:
+    """Print a table whose first `left` columns, and last `texts` ones, are aligned to the left; return whether it has rows, nothing is printed without."""
     from rich.text import Text
 
     table = make_table(*titles, left=left)
+    rows = [[Text(cell) if isinstance(cell, str) else cell for cell in row] for row in rows]
     for row in rows:
-        table.add_row(*(Text(cell) if isinstance(cell, str) else cell for cell in row))
+        table.add_row(*row)
+    for column, cells in zip(table.columns[:left], zip(*rows, strict=True), strict=False):  # names stay whole
+        column.no_wrap = all(" " not in cell.plain and len(cell) <= MAX_NAME for cell in cells)
     for column in table.columns[len(table.columns) - texts :]:
         column.justify = "left"
     if table.row_count:
         open_console().print(table)
+    return bool(rows)
 
 
 def make_bar(*, err: bool = False) -> Progress:

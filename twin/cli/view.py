@@ -96,8 +96,10 @@ def command(what: tuple[str, ...], as_scene: bool, runs: Path, **options: Any) -
     twin view runs/bench_wall/latest --scene --variant PI -o force.gif
     twin view two_bends
     """
+    from twin.results import find_by_time
+
     view_options = ViewOptions(**options)
-    if len(what) > 1 or is_run(what[0]):
+    if len(what) > 1 or is_run(str(find_by_time(runs, Path(what[0])))):
         view_runs([run_folder(text, runs) for text in what], view_options, as_scene)
     elif as_scene:
         view_scene(Path(what[0]), view_options, view_options.output)
@@ -150,14 +152,14 @@ def check_name(text: str, runs: Path) -> None:
 
 def run_folder(text: str, runs: Path) -> Path:
     """Return the folder of a run: of `latest` alone that of the last run of any scenario."""
-    from twin.results import LATEST, newer_note, resolve_latest
+    from twin.results import LATEST, find_by_time, newer_note, resolve_latest
 
     if text == LATEST:
         folder = resolve_latest(Path(text), root=runs)
         if note := newer_note(folder):
             say(note, err=True)
         return folder
-    return case_of_study(text, runs) or first_case(Path(text))
+    return case_of_study(text, runs) or first_case(find_by_time(runs, Path(text)))
 
 
 def first_case(folder: Path) -> Path:

@@ -31,6 +31,6 @@ def overflows(cls: type[Component], values: Mapping[str, Any], period: float) ->
         if periods > most * (1.0 + 1e-9):
             problems.append(
                 f"{name} = {value:g} {variable.unit} needs {periods:.4g} periods of {period:g} s, and its buffer holds {most:g}. "
-                f"{'Raise' if is_rate else 'Lower'} it, or sample less often."
+                f"Give at {'least' if is_rate else 'most'} {1.0 / (most * period) if is_rate else most * period:.4g} {variable.unit}, or sample less often."
             )
     return problems

@@ -15,7 +15,6 @@ from .evaluation.coverage import join_numbers as join_numbers
 from .evaluation.coverage import list_names as list_names
 from .evaluation.expression import Expression as Expression
 from .evaluation.hardware_termination import HardwareTermination as HardwareTermination
-from .evaluation.metric_format import MILLI_UNITS as MILLI_UNITS
 from .evaluation.metric_format import MetricFormat as MetricFormat
 from .evaluation.metric_format import common_format as common_format
 from .evaluation.metric_format import display_units as display_units
@@ -43,6 +42,7 @@ from .recording import run_folder as run_folder
 from .recording import signals as signals
 from .recording import stream as stream
 from .recording.latest_run import LATEST as LATEST
+from .recording.latest_run import find_by_time as find_by_time
 from .recording.latest_run import find_results as find_results
 from .recording.latest_run import finished_runs as finished_runs
 from .recording.latest_run import is_finished_run as is_finished_run
@@ -51,10 +51,12 @@ from .recording.latest_run import newer_note as newer_note
 from .recording.latest_run import resolve_latest as resolve_latest
 from .recording.run_folder import RecordedVariable as RecordedVariable
 from .recording.run_folder import count_verdicts as count_verdicts
+from .recording.run_folder import describe_outcome as describe_outcome
 from .recording.run_folder import write_text as write_text
 from .recording.signal_reader import list_recorded_variables as list_recorded_variables
 from .recording.signal_reader import read_variables as read_variables
 from .recording.signal_reader import readable_recording as readable_recording
+from .recording.signals import MILLI_UNITS as MILLI_UNITS
 from .recording.signals import Signals as Signals
 from .recording.signals import Window as Window
 from .recording.signals import format_value as format_value

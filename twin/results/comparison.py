@@ -129,8 +129,10 @@ class Comparison:
         if self.agrees:
             return f"The runs agree: {count} signals, {within}."
         parts = [f"{differing} of {count} signals ({within})"]
-        if self.problems:
-            parts.append(f"{len(self.problems)} other difference{'s' * (len(self.problems) > 1)}")
+        kinds = [
+            next(filter(line.startswith, ("metric ", "requirement ")), "other difference ") for line in self.problems
+        ]
+        parts += [f"{kinds.count(kind)} {kind.strip()}{'s' * (kinds.count(kind) > 1)}" for kind in dict.fromkeys(kinds)]
         parts += [f"{entry.count} only in the {entry.run}" for entry in self.missing]
         return f"The runs differ: {', '.join(parts)}."
 

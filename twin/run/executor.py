@@ -39,6 +39,7 @@ from twin.run.cases import (
 from twin.run.conditions import add_occurrences, occurrences
 from twin.run.finalization import finalize_run
 from twin.run.options import RunCallbacks, RunOptions, accept_former_arguments
+from twin.run.parameter_table import remarks_on_overrides
 from twin.scenario import Backend, displayed, members
 
 if TYPE_CHECKING:
@@ -76,6 +77,9 @@ def run_scenario(
         scenario = hardware.apply(scenario)
     catalogs = resolve_catalogs(scenario)
     scenario = displayed(scenario, catalogs)
+    if options.origin is None and options.study_case is None:
+        for remark in remarks_on_overrides(scenario, catalogs):
+            callbacks.on_log_line(remark)
     cases = cases_of(scenario, options)
     refuse_unknown_members(options.log_patterns, cases)
     refuse_interval(options.checkpoint_ns, cases)
@@ -263,7 +267,7 @@ class RunExecutor:
             result.mark_incomplete("failed", failure)
         if changes := self.callbacks.operator_changes():
             add_notes(info, changes)
-            result.scenario = replace(result.scenario, paper_applies=False)
+            result.scenario = replace(result.scenario, paper_applies=False, summary="")
         info.wall_time += duration
         last = None if cosimulation is None else cosimulation.last
         termination = result.terminations.get((case.variant, case.seed), HardwareTermination())

@@ -14,7 +14,13 @@ from twin.results import Journal, evaluate, fill_sentence, find_violations, link
 from twin.results import run_folder as results
 from twin.run.cases import Hardware, RunResult, add_notes
 from twin.run.conditions import OCCURRENCES, condition_notes
-from twin.run.operator_result import operation_text, operator_requirements, operator_result, session_verdict
+from twin.run.operator_result import (
+    operation_text,
+    operator_requirements,
+    operator_result,
+    session_verdict,
+    warning_notes,
+)
 
 if TYPE_CHECKING:
     from twin.scenario import Case
@@ -41,6 +47,8 @@ def finalize_run(
         run_cases = [case for case in cases if (case.variant, case.seed) in result.tables]
         if (result.folder / OPERATED).exists():
             add_operation(result, run_cases)
+        else:
+            add_notes(info, warning_notes(scenario, result.catalogs, result.tables))
         add_notes(info, scenario.replaced_values({variant for variant, _ in result.tables}))
         add_notes(info, condition_notes(run_cases, info.extra.get(OCCURRENCES, ())))
         if hardware is not None:
@@ -104,7 +112,7 @@ def write_summary_and_report(
 ) -> None:
     """Write summary.json and report.html."""
     result.summary = results.build_summary(result.run, result.evaluation, result.tables, result.terminations)
-    result.summary["sentence"] = fill_sentence(result.scenario.summary, result.evaluation.metric_results)
+    result.summary["sentence"] = fill_sentence(result.scenario.sentence, result.evaluation.metric_results)
     if result.study_case is not None:
         result.summary["study"] = result.study_case.summary(result.folder, result.run.overrides)
     results.write_summary(result.folder / "summary.json", result.summary)

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from twin.results import Signals
     from twin.scenario import Case, ScenarioSpec
 
+NOTICEABLE = 0.01  # share of the time of a run from which a warning is noted
+WARNING = "warning: "  # begins a note
+
 
 @dataclass(frozen=True)
 class Score:
@@ -101,7 +104,7 @@ def warning_result(
     shown_unit, factor, offset = scale
     duration = every * int((rows > warning["above"]).sum())
     peak, limit = (factor * value + offset for value in (float(rows.max()), warning["above"]))
-    figures = f"at most {peak:.4g} {shown_unit}, limit {limit:.4g} {shown_unit}"
+    figures = ", limit ".join(f"{value:.4g} {shown_unit}".rstrip() for value in (peak, limit))
     text = f"for {duration:.1f} s" if duration else "never"
     return {
         "text": warning["text"],
@@ -110,7 +113,7 @@ def warning_result(
         "limit": limit,
         "maximum": peak,
         "duration": duration,
-        "detail": f"{text}; {figures}" if limit else text,
+        "detail": f"{text}; at most {figures}" if limit else text,
     }
 
 
@@ -157,16 +160,42 @@ def operator_result(scenario: ScenarioSpec, case: Case, catalog: Catalog, signal
             "detail": score_text(now, targets, factor, shown_unit, label),
         }
     if warnings:
-        result["warnings"] = [
-            warning_result(
-                time,
-                recorded_rows(signals, warning["signal"]),
-                warning,
-                display_conversion(find(warning["signal"], catalog).variable),
-            )
-            for warning in warnings
-        ]
+        result["warnings"] = warning_results(warnings, catalog, signals)
     return result
+
+
+def warning_results(warnings: Iterable[Mapping[str, Any]], catalog: Catalog, signals: Signals) -> list[dict[str, Any]]:
+    """Return for how long each warning was shown, or would have been without an operator."""
+    time = np.asarray(signals.time)
+    return [
+        warning_result(
+            time,
+            recorded_rows(signals, warning["signal"]),
+            warning,
+            display_conversion(find(warning["signal"], catalog).variable),
+        )
+        for warning in warnings
+    ]
+
+
+def warning_notes(
+    scenario: ScenarioSpec, catalogs: Mapping[str, Catalog], tables: Mapping[tuple[str, int], Signals]
+) -> list[str]:
+    """Return a line for each warning of a case whose signal is above its limit for a noticeable share of the time."""
+    notes = []
+    for (variant, seed), signals in tables.items():
+        catalog = catalogs.get(variant)
+        if catalog is None or len(signals.time) < 2:
+            continue
+        _, warnings = targets_and_warnings(scenario, catalog)
+        recorded = [each for each in warnings if each["signal"].partition("[")[0] in signals.values]
+        least = NOTICEABLE * float(signals.time[-1] - signals.time[0])
+        notes += [
+            f"{variant}, seed {seed}: {WARNING}{each['text']} {each['detail']}"
+            for each in warning_results(recorded, catalog, signals)
+            if each["duration"] > least
+        ]
+    return notes
 
 
 def recorded_rows(signals: Signals, name: str) -> NDArray[Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,16 +11,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.component import catalog
-from twin.errors import quote_names
+from twin.coupling import find
+from twin.errors import CouplingError, quote_names
 from twin.results import MILLI_UNITS, si_conversion
+from twin.scenario import number, slider_range
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from twin.coupling import Catalog, MemberVariable
-    from twin.scenario import Case, MemberSpec
+    from twin.scenario import Case, MemberSpec, ScenarioSpec
 
 
+FAR = 100.0  # factor from which a set value is implausible, if the scenario states no range
 SMALL = 0.1  # parameters all of whose values are below are shown in the smaller unit [SI]
 
 
@@ -143,3 +147,52 @@ def format_parameter(value: Any, unit: str, display: str) -> str:
     if array.ndim == 0:
         return texts[0]
     return f"[{', '.join(texts)}]" if len(texts) <= 6 else f"[{', '.join(texts[:3])}, … {texts[-1]}] ({len(texts)})"
+
+
+def remarks_on_overrides(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list[str]:
+    """Return a line for each override without a unit that is shown in another one than SI, and for each implausible value."""
+    remarks: dict[str, None] = {}
+    for option, previous in zip(scenario.overrides, scenario.previous_values(), strict=True):
+        path, _, text = option.partition("=")
+        for case in scenario.variants:
+            name = path.strip().removeprefix(f"variants.{case.variant}.").replace(".parameters.", ".", 1)
+            try:
+                variable = find(name, catalogs[case.variant]).variable
+                value = number(text, variable.unit, name)
+                before = number(previous, variable.unit, name) if previous else float(np.ravel(variable.start)[0])
+                ends = (
+                    slider_range(scenario, case, catalogs[case.variant], name)
+                    if name in scenario.console_parameters
+                    else None
+                )
+            except (CouplingError, TypeError, ValueError, IndexError):  # a key of the run, no number, another variant
+                continue
+            if variable.dtype.kind == "f":
+                remarks |= dict.fromkeys(override_remarks(option, value, before, variable, ends))
+    return list(remarks)
+
+
+def override_remarks(
+    option: str, value: float, before: float, variable: MemberVariable, ends: tuple[float, float] | None
+) -> list[str]:
+    """Return the remarks on the value of one override. `before`: the scenario's value; `ends`: the range that it states."""
+    path, _, text = option.partition("=")
+    usual, shown_unit = shown_value(before, variable)
+    remarks = []
+    if re.fullmatch(r"[\s\d.eE+-]+", text) and shown_unit != variable.unit:
+        meant = value * si_conversion(shown_unit)[0] / si_conversion(variable.unit)[0]
+        if distance(meant, before) <= distance(value, before):
+            spelling = f"{path}='{text.strip()} {shown_unit}'"
+            remarks.append(f"note: {option} is {value:g} {variable.unit}. Write {spelling} if you mean {shown_unit}.")
+    if ends is not None and not ends[0] <= value <= ends[1]:
+        low, high = (" ".join(shown_value(end, variable)).rstrip() for end in ends)
+        remarks.append(f"warning: {option} is outside of the range that the scenario states, {low} to {high}.")
+    elif ends is None and value and before and not 1.0 / FAR <= abs(value / before) <= FAR:
+        size = f"{abs(value / before):.4g} times the scenario's {usual} {shown_unit}".rstrip()
+        remarks.append(f"warning: {option} is implausible, {size}.")
+    return remarks
+
+
+def distance(value: float, other: float) -> float:
+    """Return by how many powers of ten two values differ; 0 if one of them is zero."""
+    return abs(math.log10(abs(value / other))) if value and other else 0.0

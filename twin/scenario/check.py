@@ -138,11 +138,22 @@ def check_case(case: Case, tree: Node, keys: ScenarioKeys) -> list[str]:
         problems.append(f"{tree.find(('algorithm',)).location}: {error}")
     interval = keys.record.every
     if interval is not None and interval % case.step_ns:
-        location = tree.find(("record", "every")).location
-        problems.append(
-            f"{location}: every {clock.text(interval)} is not a multiple of step {clock.text(case.step_ns)}."
-        )
+        problems.append(misfit_of_record(interval, case.step_ns, tree))
     return problems + check_events(case)
+
+
+def misfit_of_record(interval: clock.Time, step: clock.Time, tree: Node) -> str:
+    """Return the error text for a recording interval that is no multiple of the step."""
+    own = tree.find(("step",))
+    if step < interval or own.value is None:
+        where, text = tree.find(("record", "every")).location, clock.text(interval)
+        fits = clock.parts_near(interval, step)
+        return f"{where}: every {text} is not a multiple of step {clock.text(step)}. Give a step of {fits}."
+    unit = " A number without a unit is in seconds." if isinstance(own.value, int | float) else ""
+    return (
+        f"{own.location}: step {clock.text(step)} is longer than {clock.text(interval)}, the `every` of `record`."
+        f"{unit} Give at most {clock.text(interval)}."
+    )
 
 
 def check_buffers(
@@ -155,7 +166,8 @@ def check_buffers(
     if component_class is None or not (period_ns := member.period_ns or component_class.period_ns):
         return []
     overflows = buffers.overflows(component_class, values, float(clock.seconds(period_ns)))
-    return [f"{where}: {name}.{overflow}" for overflow in overflows]
+    locations = (member.locations.get(overflow.partition(" ")[0], where) for overflow in overflows)
+    return [f"{at}: {name}.{overflow}" for at, overflow in zip(locations, overflows, strict=True)]
 
 
 def missing_file(name: str, member: MemberSpec) -> list[str]:

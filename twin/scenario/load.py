@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -111,11 +112,30 @@ def build(unpatched: Node, path: Path, overrides: Sequence[str], problems: Seque
     """Build the scenario of a merged tree; ScenarioError lists `problems`, those found here and all those of `overrides`."""
     scenario, more_problems = assemble(unpatched, path, overrides)
     if problems or more_problems:
-        more_problems += (
-            [line for line in resolve_variables(scenario)[1] if line.startswith("--set ")] if overrides else []
-        )
+        if overrides:
+            more_problems += [line for line in resolve_variables(scenario)[1] if line.startswith("--set ")]
+        more_problems = blame_overrides(more_problems, unpatched, path, overrides)
         raise ScenarioError(sorted(dict.fromkeys([*problems, *more_problems]), key=by_line))
     return scenario
+
+
+def blame_overrides(problems: Sequence[str], unpatched: Node, path: Path, overrides: Sequence[str]) -> list[str]:
+    """Let each problem that is not there without one of the `--set` options begin with that option instead of file:line."""
+    for option in overrides:
+        others = assemble(unpatched, path, [other for other in overrides if other != option])[1]
+        problems = [
+            problem if problem in others or problem.startswith("--set") else blamed(problem, option)
+            for problem in problems
+        ]
+    return list(problems)
+
+
+def blamed(problem: str, option: str) -> str:
+    """Return a problem as that of a `--set` option, the location in the file at its end."""
+    match = re.match(r"(.*?:\d+): (?=\S)", problem)
+    return (
+        f"--set {option}: {problem[match.end() :]} ({Path(match[1]).name})" if match else f"--set {option}: {problem}"
+    )
 
 
 def assemble(

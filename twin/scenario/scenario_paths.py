@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from twin.errors import ScenarioError, find_similar, nearest
+from twin.errors import ScenarioError, find_similar, nearest, suggestion
 
 if TYPE_CHECKING:
     from twin.scenario.yaml_files.yaml_node import Node
@@ -121,7 +121,24 @@ def located(name_or_path: str | Path, kind: str = "scenario") -> Path:
             raise ScenarioError(f"{path.name!r} is a {other}: {command} {path.name}")
         if (file := path.with_suffix(".yaml")).is_file():
             raise ScenarioError(f"There is no {kind} {path.name!r}. Name the file that is here: {file}")
+        from twin.component import catalog
+
+        if path.name in catalog.names():
+            raise ScenarioError(f"{path.name!r} is a component: twin describe {path.name}")
+        many = "studies" if kind == "study" else f"{kind}s"
+        see = f"See `twin list {many}`." if kind in ("scenario", "study") else nearest(path.name, named_paths)
         raise ScenarioError(
-            f"There is no {kind} {path.name!r}, and no file of this name. {nearest(path.name, named_paths)}"
+            f"There is no {kind} {path.name!r}, and no file of this name. {suggestion(path.name, named_paths) or see}"
         )
     return named_paths[path.name]
+
+
+def missing_file_advice(path: Path) -> str:
+    """Return the remedy for a file that a scenario names and that does not exist: a similar name, or to extend a shipped scenario."""
+    names = [other.name for other in path.parent.glob("*.y*ml")] if path.parent.is_dir() else []
+    shipped = [folder / end for folder in folders("scenario") for end in (path.name, Path(*path.parts[-2:]))]
+    if any(file.is_file() for file in shipped):
+        nearby = [*path.parent.glob("*.yaml"), *path.parent.parent.glob("*.yaml")]
+        copied = next((other.stem for other in nearby if other.stem in scenarios()), "SCENARIO")
+        return f"The shipped scenarios have it: copy it too, or write `extends: {copied}` and your changes alone."
+    return suggestion(path.name, names, "`") or "Give a path relative to this file."

@@ -335,6 +335,11 @@ class ScenarioSpec:
         selected = [case for case in self.variants if not variants or case.variant in variants]
         return [replace(case, seed=seed) for case in selected for seed in dict.fromkeys(seeds or self.seeds)]
 
+    @property
+    def sentence(self) -> str:
+        """The summary; empty if an option changed settings that it may state, or that its figures depend on."""
+        return self.summary if self.paper_applies or not self.overrides else ""
+
     def replaced_values(self, variants: Collection[str]) -> list[str]:
         """Return a sentence for each override that replaces values which some of `variants` set themselves."""
         from twin.scenario.yaml_files.override import replaced_values

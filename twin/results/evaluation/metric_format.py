@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from twin.component import unit
-from twin.results.recording.signals import format_value, si_conversion
+from twin.results.recording.signals import MILLI_UNITS, format_value, si_conversion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from twin.results.evaluation.metrics import MetricResult
 
-MILLI_UNITS = {"N": "mN", "m": "mm", "s": "ms", "A": "mA", "V": "mV", "m/s": "mm/s", "N*m": "mN*m"}  # by their SI units
 DIGITS = 4  # of the largest value of a metric
 SMALLEST = 1e-3  # largest values below it are shown with powers of ten
 
@@ -34,7 +33,9 @@ class MetricFormat:
 
     def number(self, value: float | None, scale: float = 0.0) -> str:
         """Format a value [SI] without its unit. `scale`: as in `format_value`."""
-        return format_value(value, self.unit, scale, self.is_difference, self.decimals).partition(" ")[0]
+        return format_value(value, self.unit, scale, self.is_difference, self.decimals, keeps_unit=True).partition(" ")[
+            0
+        ]
 
     def text(self, value: float | None, scale: float = 0.0, digits: int = 4) -> str:
         """Format a value [SI] with its unit; `digits` apply without `decimals`."""

@@ -62,7 +62,9 @@ def newer_note(folder: Path) -> str:
 
 
 def resolve_latest(folder: Path, file: str = SUMMARY, root: Path = ROOT) -> Path:
-    """Return the folder of a run; `SCENARIO/latest` is the last finished one with signals, `latest` that of all in `root`.
+    """Return the folder of a run, by its path, its time or SCENARIO/TIME in `root`.
+
+    `SCENARIO/latest` is the last finished one with signals, `latest` that of all in `root`.
 
     TwinError if there is none.
     """
@@ -73,8 +75,21 @@ def resolve_latest(folder: Path, file: str = SUMMARY, root: Path = ROOT) -> Path
         raise TwinError(
             f"{root}: holds no finished {'run' if file == SUMMARY else 'study'}. {example if file == SUMMARY else ''}".rstrip()
         )
+    folder = folder if folder.exists() else find_by_time(root, folder)
     is_own_folder = folder.is_dir() and not folder.is_symlink()  # a person may call a run so
     return folder if folder.name != LATEST or is_own_folder else latest_run(folder.parent, file)
+
+
+def find_by_time(root: Path, folder: Path) -> Path:
+    """Return the folder that TIME or SCENARIO/TIME names in `root`; unchanged if there is none. TwinError for several."""
+    if STAMP.fullmatch(folder.name) is None and folder.name != LATEST:
+        return folder
+    if len(folder.parts) > 1:
+        return root / folder if (root / folder.parent).is_dir() and not folder.parent.is_dir() else folder
+    matches = sorted(root.glob(f"*/{folder.name}"))
+    if len(matches) > 1 and folder.name != LATEST:
+        raise TwinError(f"{folder}: is the time of {len(matches)} runs. Name one: {', '.join(map(str, matches))}.")
+    return matches[0] if len(matches) == 1 else folder
 
 
 def latest_run(parent: Path, file: str = SUMMARY) -> Path:

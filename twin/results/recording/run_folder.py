@@ -299,6 +299,18 @@ def count_verdicts(summary: Mapping[str, Any]) -> tuple[int, int]:
     return verdicts.count("pass"), sum(verdict in ("pass", "fail", "none") for verdict in verdicts)
 
 
+def describe_outcome(summary: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the outcome of a run as a word, such as PASS, and the counts: `2 of 6 requirements failed, 11 not judged`."""
+    met, judged = count_verdicts(summary)
+    skipped = sum(result["verdict"] == "skipped" for result in summary["expectations"])
+    verdict = ("PASS" if summary["passed"] else "FAIL") if judged else "DONE"
+    word = verdict if summary["status"] == "completed" else summary["status"].upper()
+    counts = (
+        f"{met} of {judged}" if word == "PASS" else f"{judged - met} of {judged} requirements failed" * (met < judged)
+    )
+    return word, f"{counts}{f', {skipped} not judged' * bool(skipped)}" if counts else ""
+
+
 def termination_to_dict(termination: HardwareTermination) -> dict[str, Any]:
     """Return time and reason of a stop by hardware, and the axes that are not at rest; empty without a stop."""
     result = {"unsafe": termination.unsafe} if termination.unsafe else {}

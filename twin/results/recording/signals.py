@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 # Rounding error of a zero relative to its largest operand: a mean of 5.8e-15 mm is zero.
 ROUNDING_ERROR = 1e-12
+MILLI_UNITS = {"N": "mN", "m": "mm", "s": "ms", "A": "mA", "V": "mV", "m/s": "mm/s", "N*m": "mN*m"}  # by their SI units
+LARGER_UNITS = {milli: unit for unit, milli in MILLI_UNITS.items()}
 
 
 @dataclass(frozen=True)
@@ -163,8 +165,11 @@ def format_value(
     is_difference: bool = False,
     decimals: int | None = None,
     digits: int = 4,
+    keeps_unit: bool = False,
 ) -> str:
     """Format a value in a unit with some digits, or with a number of decimals: `0.0362 N`.
+
+    Without `keeps_unit` a value that needs a power of ten in a milli unit is in the unit itself: 18.08 N, not 1.808e+04 mN.
 
     `scale`: size of the operands that it was computed from, in SI; rounding errors of these are shown as 0.
     """
@@ -175,6 +180,8 @@ def format_value(
         value = offset
     number = unit.round_trip((value - offset) / factor)  # as in the summary: no text differs by a rounding error
     text = f"{number:.{digits}g}" if decimals is None else f"{number:.{decimals}f}"
+    if "e+" in text and symbol in LARGER_UNITS and not keeps_unit:
+        return format_value(value, LARGER_UNITS[symbol], scale, is_difference, decimals, digits)
     label = unit.shown(symbol)
     if label.startswith("1/"):
         label = label.removeprefix("1")

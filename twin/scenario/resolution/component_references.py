@@ -14,6 +14,7 @@ from twin.errors import ScenarioError, TwinError
 from twin.scenario.grouping import group
 from twin.scenario.resolution.variable_names import nearest
 from twin.scenario.resolution.variable_resolution import resolve_case
+from twin.scenario.scenario_paths import missing_file_advice
 from twin.scenario.yaml_files.member_removal import members
 
 if TYPE_CHECKING:
@@ -87,8 +88,7 @@ def read_part(path: str, load: Callable[[str], ScenarioSpec]) -> ScenarioSpec:
             f"{path}: groups lie in each other more than {DEEPEST} deep. Name the inner members directly."
         )
     if not Path(path).is_file():
-        file_names = [other.name for other in Path(path).parent.glob("*.y*ml")]
-        raise ScenarioError(f"there is no file {path}.{nearest(Path(path).name, file_names)}")
+        raise ScenarioError(f"there is no file {path}. {missing_file_advice(Path(path))}")
     token = _above.set((*_above.get(), path))
     try:
         return load(path)

@@ -157,9 +157,8 @@ def parameter_set(item: Node, folder: Path, problems: list[str]) -> Node:
         return item
     path = folder / item.value
     if not path.is_file():
-        file_names = [other.name for other in path.parent.glob("*.y*ml")] if path.parent.is_dir() else []
-        hint = nearest(path.name, file_names) or " Give a path relative to this file."
-        problems.append(f"{item.location}: parameter_sets: there is no file {item.value}.{hint}")
+        advice = scenario_paths.missing_file_advice(path)
+        problems.append(f"{item.location}: parameter_sets: there is no file {item.value}. {advice}")
         return Node({}, item.location)
     try:
         content = yaml_reader.read(path, str(Path(item.location.file).parent / item.value), problems)
