@@ -223,6 +223,22 @@ def test_the_headline_names_one_change_and_what_did_not_finish(tmp_path):
     assert texts[-1] == "1 case did not finish."
 
 
+def test_pass_rates_of_several_variants_count_samples(tmp_path):
+    """Six samples with two variants are twelve cases: `5 of 6 cases ... the worst is case 12` would name none of the six."""
+    limit = "  - {name: weak, metric: force_max, at_most: 90 mN, variants: [soft]}\n"
+    study = load_study(study_file(tmp_path, STUDY, SCENARIO + limit))
+    requests = list(study.requests())
+    last = max(one.number for one in requests if one.variant == "soft")
+    rows = [
+        Row(one.number, "done", "", (0.1 if one.number == last else 0.01, 0.01), (True, None, one.number != last))
+        for one in requests
+    ]
+    texts = [sentence.text for sentence in headline(Answers(CaseTable(study, requests, rows)))]
+    (weak,) = [text for text in texts if "pass 'weak'" in text]
+    assert weak.startswith("5 of 6 samples (83.3 %")
+    assert f"the worst is case {last} of {len(requests)}, where force_max is 100" in weak
+
+
 def test_a_flag_at_its_limit_in_every_case_is_not_the_closest(tmp_path):
     """The margin counts as a part of the width of the limits; one that never varies counts nothing."""
     limits = (

@@ -50,6 +50,7 @@ from .recording.latest_run import is_finished_run as is_finished_run
 from .recording.latest_run import link_latest as link_latest
 from .recording.latest_run import newer_note as newer_note
 from .recording.latest_run import resolve_latest as resolve_latest
+from .recording.latest_run import suggest_folders as suggest_folders
 from .recording.run_folder import RecordedVariable as RecordedVariable
 from .recording.run_folder import count_verdicts as count_verdicts
 from .recording.run_folder import write_text as write_text

@@ -148,6 +148,7 @@ def histogram(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
             axis.axvline(np.quantile(finite_values, part), color="#1f2933", linewidth=0.8, linestyle=":")
         low, high = min([edges[0], *limits]), max([edges[-1], *limits])
         axis.set_xlim(low - 0.04 * (high - low), high + 0.04 * (high - low))
+        axis.yaxis.get_major_locator().set_params(integer=True)
         if not is_common:
             axis.set_title("axis of its own", fontsize=9)
         axis.set_ylabel("cases")
