@@ -197,7 +197,7 @@ def bands(folder: Path, cases: CaseTable, name: str, variant: str, index: int) -
         for k, part in ((0, 0.2), (1, 0.4), (2, 0.65)):
             axis.fill_between(time, ends[k], ends[5 - k], color=tint(GOOD, part), linewidth=0)
         axis.plot(time, np.median(curves, axis=0), color="#1f2933", linewidth=0.8)
-        heights = [min(map(np.nanmin, own.values())), max(map(np.nanmax, own.values()))]
+        heights = [float(min(map(np.nanmin, own.values()))), float(max(map(np.nanmax, own.values())))]
         for limit, sign, inside in expected(study, variant, name, time):
             height, outer = (limit - offset) / factor, ends[5 if sign > 0 else 0]
             axis.plot(time[inside], np.full(inside.sum(), height), color=BAD, linewidth=1.0, linestyle=(0, (2, 1.5)))
