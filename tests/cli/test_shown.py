@@ -222,28 +222,28 @@ def test_results_of_a_study(capsys, monkeypatch):
             0,
             [1.0],
             {},
-            "PASS 30 cases in 4 s (5 per second). Report: runs/a/1/r.html  Look: twin run --case a:5",
+            "PASS 30 cases, 20 of them now in 4 s. Report: runs/a/1/r.html  Look: twin run --case a:5",
         ),
         (
             "completed",
             0,
             [0.5],
             {7: "x"},
-            "DONE 30 cases in 4 s (5 per second). Report: runs/a/1/r.html  Look: twin view a:7",
+            "DONE 30 cases, 20 of them now in 4 s. Report: runs/a/1/r.html  Look: twin view a:7",
         ),
         (
             "completed",
             2,
             [1.0],
             {},
-            "FAIL 30 cases in 4 s (5 per second). Report: runs/a/1/r.html  Look: twin run --case a:5",
+            "FAIL 30 cases, 20 of them now in 4 s. Report: runs/a/1/r.html  Look: twin run --case a:5",
         ),
         (
             "interrupted",
             0,
             [],
             {},
-            "INTERRUPTED 30 of 80 cases in 4 s (5 per second). Report: runs/a/1/r.html  Look: twin run --case a:5",
+            "INTERRUPTED 30 of 80 cases, 20 of them now in 4 s. Report: runs/a/1/r.html  Look: twin run --case a:5",
         ),
     ],
 )
@@ -272,7 +272,7 @@ def test_progress_of_a_study(capsys):
         SimpleNamespace(part="sample", done=done, count=4, left=left, failed=2, missed=1, report=report)
         for done, left, report in ((0, 89.4, None), (1, 90.0, "r.html"), (4, 0.0, "r.html"), (1, float("nan"), None))
     ]
-    fails = "failures so far: 3 (2 did not finish)"
+    fails = "1 fails a requirement, 2 did not finish"
     assert [progress_text(one) for one in made] == [
         f"0 of 4 cases, 89 s left; {fails}",
         f"1 of 4 cases, 2 min left; {fails}",
@@ -280,7 +280,7 @@ def test_progress_of_a_study(capsys):
         f"1 of 4 cases; {fails}",
     ]
     none = SimpleNamespace(part="tune 3", done=1, count=9, left=float("nan"), failed=0, missed=0)
-    assert progress_text(none) == "tuning: 1 of 9 cases; failures so far: 0"
+    assert progress_text(none) == "tuning: 1 of 9 cases; 0 fail a requirement"
     assert [duration_text(seconds) for seconds in (89.4, 90, 5399, 5400)] == ["89 s", "2 min", "90 min", "1.5 h"]
     display = study.StudyDisplay("Study")
     display.last_line -= study.LINE_INTERVAL

@@ -50,6 +50,16 @@ def test_what_is_a_run_and_what_an_environment(tmp_path, monkeypatch):
     assert not any(map(is_run, ("drawing.svg", "two_bends", "case:7", "study:best", "7.svg")))
 
 
+def test_a_missing_folder_names_studies_too(view, folder):
+    study = folder / "runs" / "thousand_hearts" / "2026-11-22_21-00-00"
+    study.mkdir(parents=True)
+    (study / "cases.parquet").touch()
+    code, _, error = view("runs/thousand_heart")
+    assert (code, error.count("\n"), "Did you mean 'thousand_hearts'?" in error) == (1, 1, True)
+    code, _, error = view("runs/thousand_hearts")
+    assert (code, "is a folder of studies. Name one of them, or runs/thousand_hearts/latest" in error) == (1, True)
+
+
 @pytest.mark.parametrize(
     ("variant", "seed", "shown"), [("", None, []), ("PI", None, [0]), ("", 2, [1, 2]), ("PI", 2, [1]), ("", 0, None)]
 )

@@ -94,11 +94,11 @@ def test_the_time_is_followed_or_not(chart):
 @pytest.mark.parametrize(
     ("action", "text"),
     [
-        ({"a": 1.5}, "A: 1.5 s"),
-        ({"a": 1.5, "b": 1.5}, "A: 1.5 s"),
-        ({"a": 1.5, "b": "x"}, "A: 1.5 s"),
-        ({"a": 1.5, "b": 2.0}, "from A to B: 0.5 s, 2 Hz"),
-        ({"a": 2, "b": 1}, "from A to B: -1 s, 1 Hz"),
+        ({"a": 1.5}, "t1: 1.5 s"),
+        ({"a": 1.5, "b": 1.5}, "t1: 1.5 s"),
+        ({"a": 1.5, "b": "x"}, "t1: 1.5 s"),
+        ({"a": 1.5, "b": 2.0}, "from t1 to t2: 0.5 s, 2 Hz"),
+        ({"a": 2, "b": 1}, "from t1 to t2: -1 s, 1 Hz"),
         ({"b": 1.0}, ""),
         ({"a": "x", "b": 1.0}, ""),
         (None, ""),

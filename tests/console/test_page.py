@@ -258,7 +258,7 @@ def test_a_chart_zooms_and_has_cursors(page):
     page.wait_for_function("document.querySelector('.twin-chart').chart.window !== null")
     page.mouse.click(box["x"] + 250, y)
     page.mouse.click(box["x"] + 500, y)
-    page.wait_for_selector("text=from A to B")
+    page.wait_for_selector("text=from t1 to t2")
     page.get_by_role("button", name="follow").click()
     page.wait_for_function("document.querySelector('.twin-chart').chart.follow")
 

@@ -100,7 +100,7 @@ def test_a_study_is_run_from_python(place, build, monkeypatch):
     )
     assert (made.status, made.folder.parent) == ("completed", place / "own" / "run")
     assert seen[-1] == (
-        f"6 of 6 cases; failures so far: {(made.cases.reached > 10_000).sum()}; tables and report follow",
+        f"6 of 6 cases; {(made.cases.reached > 10_000).sum()} fail a requirement; tables and report follow",
         1.0,
     )
     worst = made.cases.loc[made.cases.reached.idxmax()]

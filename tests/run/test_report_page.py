@@ -24,6 +24,7 @@ from twin.results import (
     evaluate,
     expression,
     find_violations,
+    trace_to_inputs,
 )
 from twin.results.evaluation.violations import Violation
 from twin.results.recording import run_folder as results
@@ -32,7 +33,7 @@ from twin.run import metric_charts, report_curves, report_page
 from twin.run.event_table import EventRow
 from twin.run.parameter_table import ParameterRow
 from twin.run.recorded_views import RecordedSignal, RecordedSystem, machine_film, system_views
-from twin.run.report_plots import draw_plots, trace_to_inputs
+from twin.run.report_plots import draw_plots
 from twin.run.scenes import ReportScenes
 from twin.structure import picture
 from twin.web import PackedArrays

@@ -183,7 +183,7 @@ def test_the_headline_answers_in_words(tmp_path):
     forces = cases.metric("force_max")
     number = cases.requests[int(np.argmax(forces))].number
     assert re.fullmatch(
-        rf"\d+ of 200 cases \(\S+ %; 95 % confidence interval \S+ % to \S+ %\) pass 'gentle'; "
+        rf"\d+ of 200 samples \(\S+ %; 95 % confidence interval \S+ % to \S+ %\) pass 'gentle'; "
         rf"the worst is case {number}, where force_max is {1e3 * forces.max():.0f} mN, expected at most 90 mN\.",
         first.text,
     )
@@ -211,16 +211,32 @@ def test_the_headline_names_one_change_and_what_did_not_finish(tmp_path):
     closest = cases.requests[int(np.argmax(cases.metric("force_max")))].number
     first = headline(Answers(cases))[0]
     assert first.text.startswith(
-        f"The requirement holds in each of 20 cases; closest to its limit: case {closest}, where "
+        f"The requirement holds in each of 20 samples; closest to its limit: case {closest}, where "
     )
     assert first.case == closest
     assert lowest_pass_rate(Answers(cases)) == ("pass", "✓ every case passes")
     rows = [replace_row(one) if one.number == 7 else one for one in cases.rows]
     texts = [one.text for one in headline(Answers(CaseTable(cases.study, cases.requests, rows)))]
     assert texts[0] == (
-        "19 of 20 cases (95 %; 95 % confidence interval 76.4 % to 99.1 %) pass 'gentle'; one that fails is case 7."
+        "19 of 20 samples (95 %; 95 % confidence interval 76.4 % to 99.1 %) pass 'gentle'; one that fails is case 7."
     )
     assert texts[-1] == "1 case did not finish."
+
+
+def test_pass_rates_of_several_variants_count_samples(tmp_path):
+    """Six samples with two variants are twelve cases: `5 of 6 cases ... the worst is case 12` would name none of the six."""
+    limit = "  - {name: weak, metric: force_max, at_most: 90 mN, variants: [soft]}\n"
+    study = load_study(study_file(tmp_path, STUDY, SCENARIO + limit))
+    requests = list(study.requests())
+    last = max(one.number for one in requests if one.variant == "soft")
+    rows = [
+        Row(one.number, "done", "", (0.1 if one.number == last else 0.01, 0.01), (True, None, one.number != last))
+        for one in requests
+    ]
+    texts = [sentence.text for sentence in headline(Answers(CaseTable(study, requests, rows)))]
+    (weak,) = [text for text in texts if "pass 'weak'" in text]
+    assert weak.startswith("5 of 6 samples (83.3 %")
+    assert f"the worst is case {last} of {len(requests)}, where force_max is 100" in weak
 
 
 def test_a_flag_at_its_limit_in_every_case_is_not_the_closest(tmp_path):
@@ -250,7 +266,7 @@ def test_a_flag_at_its_limit_in_every_case_is_not_the_closest(tmp_path):
     assert cases.margins(3) == pytest.approx([0.1, 0.09, 0.01, 0.1, 0.1, 0.1])
     still = [replace(row, extremes=rows[0].extremes) for row in rows]
     sentence = headline(Answers(CaseTable(study, requests, still)))[0]
-    assert (sentence.text, sentence.case) == ("All 3 requirements hold in each of 6 cases.", None)
+    assert (sentence.text, sentence.case) == ("All 3 requirements hold in each of 6 samples.", None)
 
 
 def test_the_worst_case_of_a_limit_on_a_signal_is_named(tmp_path):
@@ -286,11 +302,11 @@ def test_a_part_is_never_rounded_to_all_of_it():
 @pytest.mark.slow
 def test_pictures_mark_what_fails_and_what_was_expected(tmp_path):
     cases = made(tmp_path, "latin_hypercube", 100, lambda u: 3.0 * u[0] + 1.0 * u[1])
-    svg = plots.histograms(cases, "force_max", "mN")
+    svg = plots.histogram(cases, "force_max", "plain", "mN")
     assert plots.BAD in svg
     assert plots.limits_of(cases.study, "plain", "force_max") == pytest.approx([0.09])
     fine = [replace(one, holds=(True, *one.holds[1:])) for one in cases.rows]
-    calm = plots.histograms(CaseTable(cases.study, cases.requests, fine), "force_max", "mN")
+    calm = plots.histogram(CaseTable(cases.study, cases.requests, fine), "force_max", "plain", "mN")
     assert calm != svg
 
 

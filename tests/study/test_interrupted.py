@@ -84,6 +84,8 @@ def test_while_cases_run(study, build, tmp_path):
     assert parquet.read_table(outcome.folder / "cases.parquet").num_rows == 3
     outcome = run_study(study, build=build, workers=1, resume=outcome.folder, report=False)
     assert (outcome.before, len(outcome.cases.rows), outcome.status) == (3, 12, "completed")
+    told = json.loads((outcome.folder / "manifest.json").read_text())
+    assert told["seconds"] == outcome.seconds_before + outcome.seconds > outcome.seconds  # of both commands
 
 
 @pytest.mark.slow

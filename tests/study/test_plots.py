@@ -140,7 +140,7 @@ def test_a_difference_of_temperatures_has_no_offset(study, tmp_path, drawn):
     assert np.allclose(axis.collections[0].get_offsets()[:, 1], [0.02, 0.04, 0.06, 0.08])
     (axis,) = plots.parallel(cases, "force_max", "plain", "degC")
     assert [one.get_text() for one in axis.texts][-2:] == ["0.02", "0.1"]
-    (axis,) = plots.histograms(cases, "force_max", "degC")
+    (axis,) = plots.histogram(cases, "force_max", "plain", "degC")
     assert axis.containers[0][0].get_x() == pytest.approx(0.02)
     (axis,) = plots.tuning_history(Tuned([Trial((1.0,), 0.5, (), "sample", 0)], None, [], 9), "degC", "std", True)
     assert axis.lines[0].get_ydata() == pytest.approx([0.5])
@@ -149,7 +149,7 @@ def test_a_difference_of_temperatures_has_no_offset(study, tmp_path, drawn):
 @pytest.mark.slow
 def test_histograms_count_all_cases_with_a_value(study, drawn):
     cases = cases_of(study, [*FORCES[:5], 0.02])
-    (axis,) = plots.histograms(cases, "force_max", "mN")
+    (axis,) = plots.histogram(cases, "force_max", "plain", "mN")
     good, all_of_them = axis.containers
     heights = {round(bar.get_x(), 6): bar.get_height() for bar in good if bar.get_height()}
     assert sum(heights.values()) == 5
@@ -163,9 +163,9 @@ def test_histograms_count_all_cases_with_a_value(study, drawn):
     assert lines.pop(90.0) == plots.BAD  # the limit
     assert sorted(lines) == pytest.approx([20.0, 50.0, 95.0])  # quantiles
     assert axis.get_xlabel() == "force_max [mN]"
-    assert plots.histograms(cases_of(study, [None] * 6), "force_max", "mN") == ""
-    (axis,) = plots.histograms(
-        cases_of(study, [0.05] * 6), "force_max", "mN"
+    assert plots.histogram(cases_of(study, [None] * 6), "force_max", "plain", "mN") == ""
+    (axis,) = plots.histogram(
+        cases_of(study, [0.05] * 6), "force_max", "plain", "mN"
     )  # all the same: a span of twice the value
     assert axis.containers[0][0].get_height() == 6
     assert axis.containers[0][-1].get_x() + axis.containers[0][-1].get_width() == pytest.approx(100.0)
@@ -179,9 +179,10 @@ def test_histograms_of_variants_without_overlap_have_axes_of_their_own(tmp_path,
         Row(one.number, "done", "", (values[one.variant][one.sample - 1], 0.01), (True, None))
         for one in study.requests()
     ]
-    plain, soft_axis = plots.histograms(CaseTable(study, list(study.requests()), rows), "force_max", "mN")
+    cases = CaseTable(study, list(study.requests()), rows)
+    (plain,), (soft_axis,) = (plots.histogram(cases, "force_max", variant, "mN") for variant in ("plain", "soft"))
     assert (plain.get_xlim() == soft_axis.get_xlim()) is shared
-    assert plain.get_title() == ("plain" if shared else "plain, axis of its own")
+    assert plain.get_title() == ("" if shared else "axis of its own")
     assert sum(bar.get_height() for own in soft_axis.containers[:1] for bar in own) == 3
 
 
@@ -205,7 +206,7 @@ def test_bands_of_a_signal_show_quantiles_and_what_is_beyond_limits(tmp_path, dr
     curves = [np.full(3, 0.001 * (k + 1), np.float32) for k in range(4)] + [None, np.full(4, 0.101, np.float32)]
     table = pa.table({"case": list(range(1, 7)), "force": pa.array(curves, pa.list_(pa.float32()))})
     parquet.write_table(table, tmp_path / "bands.parquet")
-    (axis,) = plots.bands(tmp_path, cases, "force", 0)
+    (axis,) = plots.bands(tmp_path, cases, "force", "plain", 0)
     (median,) = axis.lines
     assert median.get_xdata() == pytest.approx([0.0, 0.5, 1.0])  # as long as the shortest
     assert median.get_ydata() == pytest.approx([3.0, 3.0, 3.0], rel=1e-6)  # mN
@@ -216,7 +217,7 @@ def test_bands_of_a_signal_show_quantiles_and_what_is_beyond_limits(tmp_path, dr
     ]
     empty = pa.table({"case": [1], "force": pa.array([None], pa.list_(pa.float32()))})
     parquet.write_table(empty, tmp_path / "bands.parquet")
-    assert plots.bands(tmp_path, cases, "force", 0) == ""
+    assert plots.bands(tmp_path, cases, "force", "plain", 0) == ""
 
 
 def test_limits_of_a_signal_hold_in_their_window():
@@ -445,7 +446,7 @@ def test_which_pictures_a_page_has(study, tmp_path, drawn):
     answers = Answers(cases_of(study))
     outcome = SimpleNamespace(study=study, cases=answers.cases, folder=tmp_path)
     factors = ("heart.rate", "heart.scale", "bent end", "all factors")
-    titles = ["Distribution", *(f"plain, over {name}" for name in factors)]
+    titles = ["plain, distribution", *(f"plain, over {name}" for name in factors)]
     pictures = page.pictures(outcome, answers)
     assert {group: [title for title, *_ in own] for group, own in pictures.items()} == {
         "force_max": titles,

@@ -74,6 +74,10 @@ def test_a_linked_row_is_marked_and_its_command_copied(browser, report):  # noqa
     button.click()
     shown.locator("#case-3 button", has_text="Copied").wait_for()  # the clipboard is asynchronous
     assert shown.evaluate("navigator.clipboard.readText()") == f"twin run --case {report.parent}:3"
+    assert "not kept" in shown.locator("#case-3 td").first.inner_text()
+    facts = shown.locator(".facts div").all_inner_texts()
+    assert facts[0].split("\n")[0] == "24"
+    assert facts[0].split("\n")[1:] == ["cases: 2 variants of each sample"]
     numbers = [int(text.split()[0]) for text in shown.locator("#cases tbody td:first-child").all_inner_texts()]
     assert numbers[:8] == [3, 6, 9, 12, 15, 18, 21, 24]  # failures first
     assert shown.locator("#cases th").all_inner_texts()[:6] == [

@@ -11,6 +11,7 @@ import pytest
 
 from tests.viewer.pages import Page, viewed
 from tests.viewer.recorded import BEATS, FORCE, beats, folder_of, runs, wave
+from tests.viewer.test_verdicts import worst_window
 
 pytest.importorskip("nicegui")
 pytestmark = pytest.mark.slow
@@ -224,7 +225,7 @@ def test_two_runs_begin_with_the_same_cases_and_equal_ones_say_so(browser, tmp_p
         names = page.page.locator(".twin-chip-name")
         page.page.locator(".twin-chip", has_text="equal to A").first.wait_for()
         assert [text.strip() for text in names.all_inner_texts()] == [
-            f"{run}: PI {k}" + (run == "B") * (" (A ± 10 N)" if k == 2 else " (equal to A)")
+            f"{run}: PI {k}" + (run == "B") * (f" (max |B {MINUS} A| 10 N)" if k == 2 else " (equal to A)")
             for k in (1, 2, 3)
             for run in "AB"
         ]
@@ -466,9 +467,45 @@ def test_results_of_two_runs_share_their_rows(browser, folders, tmp_path):
         assert rows.nth(0).locator("th").all_inner_texts() == ["", "A", "B", f"B {MINUS} A", "paper"]
         slow = rows.nth(1).locator("td").all_inner_texts()
         first, second = (float(text.split()[0]) for text in slow[1:3])
-        assert (slow[0], slow[1].split()[1], float(slow[4])) == ("slow", "pass", 20.0)
+        assert (slow[0], slow[1].split()[1], float(slow[4])) == ("slow", "✓", 20.0)
         assert float(slow[3]) == pytest.approx(second - first, abs=1e-6)
         assert rows.count() == 3
         outcomes = [text.split() for text in page.locator("#expectations .outcome > div").all_inner_texts()]
         assert outcomes == [["A", "FAIL", "B", "pass"], ["A", "pass", "B", "pass"]]
+        context.close()
+
+
+def test_a_failed_analysis_opens_with_its_worst_window_and_says_what_it_hides(browser, tmp_path):
+    with viewed(worst_window(tmp_path / "run")) as address:
+        context = browser.new_context(viewport={"width": 1400, "height": 900})
+        page = Page(context, address)
+
+        def shown():
+            titles = [(pane["title"], [curve["label"] for curve in pane["curves"]]) for pane in page.curves()]
+            assert titles == [("sensor.force", ["PI"]), ("windows.force_std", ["PI"])]
+            begin, end = page.state["window"]
+            ((span,), (again,)) = (pane["spans"] for pane in page.curves())
+            assert begin < 12.0 <= span["from"] < 12.1 < end == span["to"] == 22.0 == again["to"]
+            assert [limit["y"] for limit in page.curves()[1]["limits"]] == [0.006]
+
+        shown()
+        red = page.page.locator("#chart .violations").first.inner_text()
+        assert red == "red: fails quiet (worst 10 s), in PI"
+        page.page.locator("#all").click()
+        page.page.locator("#expectations .outcome").click()
+        page.drawn()
+        shown()
+        hidden = page.page.locator("#chart .hidden").first
+        assert hidden.inner_text() == "not judged here: PI+FF"
+        hidden.click()
+        page.drawn()
+        assert [curve["label"] for curve in page.curves()[0]["curves"]] == ["PI", "PI+FF"]
+        page.page.locator("#metrics .name", has_text="mean").click()
+        page.drawn()
+        levels = [limit for limit in page.curves()[0]["limits"] if limit.get("name") == "mean"]
+        assert [(level["y"] == pytest.approx(0.2, abs=1e-3), level["color"]) for level in levels] == [
+            (True, 0),
+            (True, 1),
+        ]
+        assert page.wrong == []
         context.close()

@@ -60,6 +60,10 @@ def test_a_page_of_a_file_needs_no_network(browser, folders, tmp_path):
     assert [one for one in page.asked if not one.startswith(("data:", "blob:"))] == [target.as_uri()]
     first, second = page.curves()
     assert (first["title"], first["unit"], second["unit"]) == ("heart.position", "mm", "mm/s")
+    begin, end = page.state["window"]
+    assert begin < first["spans"][0]["from"] < end < 1.5  # around the failure, as without --signal
+    page.page.locator("#all").click()
+    first, _ = page.curves()
     expected = opened.samples(ViewedCurve("heart.position", 2))
     np.testing.assert_allclose(first["curves"][0]["y"], expected.shown(expected.y))
     assert (first["spans"] != [], first["limits"][0]["y"]) == (True, 4.0)
@@ -69,7 +73,7 @@ def test_a_page_of_a_file_needs_no_network(browser, folders, tmp_path):
     page.drag(0.5, 0.6)
     assert page.state["window"] == pytest.approx([1.0, 1.2], abs=0.01)
     page.page.mouse.click(*page.place(0.5))
-    assert len(table(page, ["A", "mean"])) == 8
+    assert len(table(page, ["t1", "mean"])) == 8
     page.page.locator("#chart .menu summary").first.click()
     page.page.locator("#chart .menu[open]").get_by_label("difference from").select_option("run A, case by case")
     less = page.curves()[1]

@@ -234,3 +234,12 @@ def test_runs_in_words(opened):
         assert [signal["name"] for signal in page_data.signals(opened)] == ["sensor.force", "tip.position"]
     assert (opened.growing, opened.refresh(), opened.progress()["over"]) == ([], False, False)
     assert opened.progress()["cases"] == [[0, 3, 4], [0, 3, 4], [1, 3, 3]]
+
+
+@pytest.mark.parametrize("count", [7, 3 * BLOCK + 5])
+def test_a_constant_has_no_deviation(tmp_path, count):
+    """The mean of equal numbers, as a sum over their count, differs from them: the deviation was 1.8e-15."""
+    time = np.arange(count) * 1e-3
+    place = folder_of(tmp_path / "run", {("PI", 1): (time, {"sensor.force": np.full(count, 6.767)})}, [FORCE])
+    found = statistics(runs(place), ViewedCurve("sensor.force", 0), (0.0, 100.0))
+    assert (found["mean"], found["std"], found["peak_to_peak"]) == (6.767, 0.0, 0.0)

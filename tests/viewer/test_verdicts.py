@@ -10,11 +10,22 @@ import pytest
 from tests.viewer.recorded import BEATS, FORCE, PLACE, beats, folder_of, runs
 from twin.errors import TwinError
 from twin.results import EventLine, MetricResult, consecutive_spans, expression, metric_formats
-from twin.results.recording.run_folder import metric_to_dict
+from twin.results.recording.run_folder import RecordedVariable, metric_to_dict
+from twin.results.summary_comparison import metric_changes
 from twin.viewer import select_cases, select_signals
-from twin.viewer.page_data import about
+from twin.viewer.page_data import about, compare_metrics
 from twin.viewer.runs import ViewedCurve
 from twin.viewer.verdicts import Verdicts, merge_repeated
+
+
+def metrics_of(*viewed):
+    """The metrics of runs, as a page has them."""
+    verdicts = [Verdicts(one) for one in viewed]
+    return [
+        metric
+        for own, compared in zip(verdicts, compare_metrics(verdicts), strict=True)
+        for metric in own.metrics(compared)
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +98,7 @@ def test_a_metric_has_the_digits_of_the_terminal(tmp_path):
     definition = Verdicts(viewed).scenario.metrics["far"]
     result = MetricResult(definition, "base", {0: 0.234375 - 0.2}, None)
     viewed.summary["metrics"] = {"far": {"variants": {"base": metric_to_dict(result)}}}
-    (shown,) = Verdicts(viewed).metrics()
+    (shown,) = metrics_of(viewed)
     assert metric_formats([result])["far"].number(result.mean) == shown["rows"][0]["value"] == "34.38"
 
 
@@ -119,7 +130,7 @@ def test_curves_over_different_signals_are_in_panes_of_their_own(tmp_path):
 
 
 def test_metrics_are_texts_beside_the_paper_s(opened, folder):
-    (metric,) = Verdicts(opened.runs[0]).metrics()
+    (metric,) = metrics_of(opened.runs[0])
     figures = json.loads((folder / "summary.json").read_text())["metrics"]["mean_speed"]["variants"]
     assert (metric["signal"], metric["begin"], metric["end"], metric["unit"], metric["tolerance"]) == (
         "heart.velocity",
@@ -141,7 +152,7 @@ def test_a_metric_shows_the_range_of_its_seeds(folder, tmp_path):
     slow = summary["metrics"]["mean_speed"]["variants"]["slow"]
     slow |= {"values": {"1": 18.5, "2": 21.25}, "mean": 19.875}
     (copy / "summary.json").write_text(json.dumps(summary))
-    (metric,) = Verdicts(runs(copy).runs[0]).metrics()
+    (metric,) = metrics_of(runs(copy).runs[0])
     assert [row["range"] for row in metric["rows"]] == ["18.50 to 21.25", ""]
 
 
@@ -205,3 +216,64 @@ def test_signals_and_cases_are_chosen(opened):
     assert select_cases(opened, "fast", 2) == [3]
     with pytest.raises(TwinError, match=r"has no such case\. Variants: slow, fast; seeds: 1, 2\."):
         select_cases(opened, "", 7)
+
+
+def test_metrics_of_two_runs_are_those_of_their_common_seeds_as_in_compare(opened, folder, tmp_path):
+    """A has seeds 1, 2, 3 and B 1, 2: a difference of means over other seeds would be that of the seeds."""
+    summaries = []
+    for name, values in (("a", {"1": 10.0, "2": 11.0, "3": 99.0}), ("b", {"1": 10.5, "2": 12.0})):
+        copy = shutil.copytree(folder, tmp_path / name)
+        summary = json.loads((copy / "summary.json").read_text())
+        summary["metrics"]["mean_speed"]["variants"]["slow"]["values"] = values
+        (copy / "summary.json").write_text(json.dumps(summary))
+        summaries.append(summary)
+    first, second = metrics_of(*runs(tmp_path / "a", tmp_path / "b").runs)
+    (own,) = [change for change in metric_changes(*summaries) if change.variant == "slow"]
+    slow = second["rows"][0]
+    assert (first["rows"][0]["value"], slow["value"], slow["change"], slow["seeds"]) == ("10.50", "11.25", "0.75", 2)
+    assert float(slow["change"]) == own.change
+    assert first["rows"][1]["seeds"] == 0  # both runs have the same seeds of this variant
+    assert second["rows"][1]["change"] == "0.00"
+
+
+def worst_window(folder):
+    """A run whose force swings from 12 s on, with the failed result of an analysis of ten seconds."""
+    time = np.arange(4401) * 5e-3
+    force = 0.2 + 0.01 * np.sin(6.0 * time) * (time > 12.0)
+    columns = [FORCE, RecordedVariable("windows.force_std", unit="N")]
+    values = {FORCE.name: force, "windows.force_std": np.full(len(time), force[time > 12.0].std())}
+    place = folder_of(folder, {(name, 1): (time, values) for name in ("PI", "PI+FF")}, columns)
+    (place / "scenario.yaml").write_text("""
+stop_time: 22 s
+step: 5 ms
+members: {sensor: {component: sensor}}
+variants: {PI: {}, PI+FF: {}}
+analyses: {windows: {function: "fmus.wall_tracking.windows:analysis", inputs: {force: sensor.force}}}
+metrics: {worst: {signal: windows.force_std, reduce: max, unit: N}, mean: {signal: sensor.force, reduce: mean, unit: N}}
+expect: [{name: quiet, metric: worst, at_most: 6 mN, variants: [PI]}]
+""")
+    summary = json.loads((place / "summary.json").read_text())
+    summary["expectations"] = [{"name": "quiet", "verdict": "fail", "detail": ""}]
+    means = {"mean": float(force.mean()), "worst": float(values["windows.force_std"][0])}
+    summary["metrics"] = {
+        name: {
+            "unit": "N",
+            "variants": {
+                v: {"values": {"1": value}, "mean": value, "paper": None, "verdict": "info"} for v in ("PI", "PI+FF")
+            },
+        }
+        for name, value in means.items()
+    }
+    (place / "summary.json").write_text(json.dumps(summary))
+    return place
+
+
+def test_a_failed_analysis_is_shaded_in_the_worst_window_of_its_input(tmp_path):
+    told = about(runs(worst_window(tmp_path / "run")))
+    (quiet,) = told["expectations"]
+    assert (quiet["signal"], quiet["sources"], quiet["failed_at"]) == ("windows.force_std", ("sensor.force",), None)
+    ((begin, end),) = quiet["spans"]["0"]
+    assert (quiet["spans"].keys(), begin, end) == ({"0"}, pytest.approx(12.0, abs=0.02), 22.0)
+    mean = next(metric for metric in told["metrics"] if metric["name"] == "mean")
+    assert mean["rows"][0]["level"] == pytest.approx(0.2, abs=1e-3)
+    assert told["metrics"][0]["rows"][0]["level"] is not None

@@ -158,7 +158,7 @@ def show_estimate(study: Study, estimate: TimeEstimate) -> None:
     processes = f"{estimate.workers} process{'es' * (estimate.workers > 1)}"
     say(
         f"About {duration_text(estimate.total)} with {processes}, of which {duration_text(estimate.preparation)} to begin; "
-        "the report and cases that are kept come on top."
+        "not included: the report, 10 s or more, and repeating the cases that are kept."
     )
 
 
@@ -216,7 +216,6 @@ def show_verdict(outcome: StudyOutcome, answers: Answers, file: str, named: int 
     passes = bool(rates) and min(rates) == 1.0
     word = "FAIL" if answers.failed else "PASS" if passes else "DONE"
     word = word if outcome.status == "completed" else outcome.status.upper()
-    rate = f" ({(count - outcome.before) / outcome.seconds:.3g} per second)" if outcome.seconds else ""
     name = outcome.study.name if outcome.folder.parent.parent == Path("runs") else str(outcome.folder)
     failing = [cluster.cases[0] for cluster in answers.clusters]
     number = named or next(iter([*outcome.runs, *failing, 1]))
@@ -224,7 +223,8 @@ def show_verdict(outcome: StudyOutcome, answers: Answers, file: str, named: int 
     seconds = f"{outcome.seconds:.3g} s" if outcome.seconds < 100 else f"{outcome.seconds:.0f} s"
     total = outcome.study.count + sum(searched_cases(outcome.study).values())
     of_total = f" of {total}" if outcome.status == "interrupted" else ""
-    show_outcome(word, f"{count}{of_total} cases in {seconds}{rate}.", outcome.folder / file, look)
+    now = f", {count - outcome.before} of them now" if outcome.before else ""
+    show_outcome(word, f"{count}{of_total} cases{now} in {seconds}.", outcome.folder / file, look)
 
 
 def show_distributions(outcome: StudyOutcome, answers: Answers, console: Console) -> None:

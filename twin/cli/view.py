@@ -164,8 +164,13 @@ def run_folder(text: str, runs: Path) -> Path:
 
 def first_case(folder: Path) -> Path:
     """Return the run of the first kept case of a study's folder; any other folder itself."""
+    from twin.results import find_results, suggest_folders
     from twin.study import stored_cases, study_of_run
 
+    if len(folder.parts) > 1 and not folder.exists() and folder.name != "latest":
+        raise TwinError(f"{folder}: does not exist. {suggest_folders(folder, 'summary.json', 'cases.parquet')}")
+    if any(folder.glob("*/cases.parquet")):
+        find_results(folder, "cases.parquet", "study", "thousand_patients")  # says that it is a folder of studies
     if study_of_run(folder) != folder:
         return folder
     if not (cases := stored_cases(folder)):

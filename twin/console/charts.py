@@ -145,9 +145,9 @@ class ChartPanel:
         a, b = action.get("a"), action.get("b")
         self.cursor_label.text = ""
         if isinstance(a, int | float):
-            self.cursor_label.text = f"A: {a:.6g} s"
+            self.cursor_label.text = f"t1: {a:.6g} s"
             if isinstance(b, int | float) and a != b:
-                self.cursor_label.text = f"from A to B: {b - a:.6g} s, {1 / abs(b - a):.6g} Hz"
+                self.cursor_label.text = f"from t1 to t2: {b - a:.6g} s, {1 / abs(b - a):.6g} Hz"
 
 
 def show_commands(console: Host, chart: web.Chart) -> None:

@@ -5,6 +5,7 @@ from . import plot_annotations as plot_annotations
 from . import plotting as plotting
 from .analysis import Analysis as Analysis
 from .analysis import source_analyses as source_analyses
+from .analysis import trace_to_inputs as trace_to_inputs
 from .comparison import Comparison as Comparison
 from .comparison import compare_runs as compare_runs
 from .evaluation import dimension as dimension
@@ -49,6 +50,7 @@ from .recording.latest_run import is_finished_run as is_finished_run
 from .recording.latest_run import link_latest as link_latest
 from .recording.latest_run import newer_note as newer_note
 from .recording.latest_run import resolve_latest as resolve_latest
+from .recording.latest_run import suggest_folders as suggest_folders
 from .recording.run_folder import RecordedVariable as RecordedVariable
 from .recording.run_folder import count_verdicts as count_verdicts
 from .recording.run_folder import describe_outcome as describe_outcome
@@ -68,3 +70,4 @@ from .recording.stream import column_from_dict as column_from_dict
 from .recording.stream import column_to_dict as column_to_dict
 from .recording.stream import find_unfinished_runs as find_unfinished_runs
 from .summary_comparison import MetricChange as MetricChange
+from .summary_comparison import common_seeds as common_seeds

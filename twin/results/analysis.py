@@ -26,11 +26,14 @@ from twin.errors import ScenarioError, TwinError, nearest
 from twin.results.recording.signals import FULL_RUN, Window, window_mask
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Mapping, Sequence
     from types import ModuleType
 
     from twin.results.evaluation.expression import Expression
+    from twin.results.evaluation.violations import Violation
     from twin.results.recording.signals import Signals
+
+    Tables = Mapping[tuple[str, int], Signals]
 
 
 def callable_names(module: ModuleType) -> list[str]:
@@ -127,6 +130,35 @@ def source_analyses(analyses: Iterable[Analysis], signal: Expression) -> list[An
     """Return the analyses that compute the signals of an expression."""
     names = {operand.name.partition(".")[0] for operand in signal.signals}
     return [analysis for analysis in analyses if analysis.name in names]
+
+
+def trace_to_inputs(violation: Violation, analyses: Sequence[Analysis], tables: Tables) -> list[Violation]:
+    """Return where a violated metric of an analysis comes from: its worst window of each input; else the violation itself."""
+    sources = source_analyses(analyses, violation.signal) if violation.reduce else []
+    if not sources:
+        return [violation]
+    ends: dict[tuple[str, int], float | None] = {}
+    for case, instant in violation.cases.items():
+        parts = list(tables[case].evaluate_parts(violation.signal, violation.window))
+        if instant is not None and parts:  # a result that stays for a while is of the window before its last row
+            time, value = map(np.concatenate, zip(*parts, strict=True))
+            ends[case] = float(time[value == value[np.argmin(np.abs(time - instant))]][-1])
+    units = next(iter(tables.values())).units
+    return [
+        replace(
+            violation,
+            signal=signal,
+            window=Window(),
+            cases=ends,
+            unit=units.get(signal.single.name, "") if signal.single else "",
+            low=None,
+            high=None,
+            span=analysis.window_length,
+        )
+        for analysis in sources
+        for signal in analysis.inputs.values()
+        if analysis.window_length and ends
+    ]
 
 
 def analysis_input(signals: Signals, expression: Expression, window: Window) -> Any:

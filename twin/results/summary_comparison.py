@@ -103,7 +103,7 @@ def metric_changes(
             if variant not in other["variants"] or (variants and variant not in variants):
                 continue
             values, other_values = (entry["variants"][variant]["values"] for entry in (metric, other))
-            seeds = [seed for seed in values if seed in other_values]
+            seeds = common_seeds(values, other_values)
             mean = mean_value([values[seed] for seed in seeds], scales[0])
             other_mean = mean_value([other_values[seed] for seed in seeds], scales[1]) if is_scale else None
             spread = 0.0
@@ -118,6 +118,11 @@ def metric_changes(
         )
     changes = [replace(change, spread=max(change.spread, SMALLEST_SPREAD * sizes[change.unit])) for change in changes]
     return tuple(sorted(changes, key=lambda change: -change.significance))
+
+
+def common_seeds(first: Mapping[Any, Any], *others: Mapping[Any, Any]) -> list[Any]:
+    """Return the seeds that all values of a metric have: only over these are runs compared."""
+    return [seed for seed in first if all(seed in other for other in others)]
 
 
 def verdict_changes(first: Mapping[str, Any], second: Mapping[str, Any]) -> tuple[VerdictChange, ...]:

@@ -16,11 +16,12 @@ from twin.results import (
     count_verdicts,
     find_violations,
     group_lines,
+    trace_to_inputs,
 )
 from twin.run.metric_charts import draw_metric_charts
 from twin.run.report import VERDICTS, has_own_name, is_failure, list_failures, metric_rows
 from twin.run.report_figure import ReportFigure
-from twin.run.report_plots import HERE, draw_plots, trace_to_inputs
+from twin.run.report_plots import HERE, draw_plots
 from twin.run.variant_matrix import build_matrix
 from twin.scene import page as scene_page
 from twin.web import PackedArrays, chart_script, embed_json, read_static, report_templates
@@ -50,7 +51,7 @@ SECTIONS = {  # of report.html: titles in its table of contents
 }
 MAX_STRUCTURES = 6  # diagrams, if variants differ
 RULE = (
-    "Pointer: values, and the time of the scene. Click: cursor A, then B. Shift-drag: move. Ctrl and wheel: zoom at the pointer. "
+    "Pointer: values, and the time of the scene. Click: cursor t1, then t2. Shift-drag: move. Ctrl and wheel: zoom at the pointer. "
     "Click a name: dim its curve. Lines: the smallest and the largest value of each of {parts:,} parts of the recording, rounded to "
     "1/65,536 of their range. The commands below the plots show all samples."
 )

@@ -8,17 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlencode
 
-import numpy as np
-
 from twin import clock
-from twin.results import Plot, PlotCurve, Window, join_numbers, list_names, plotting, source_analyses
+from twin.results import Plot, PlotCurve, join_numbers, list_names, plotting
 from twin.run import report_curves
 from twin.run.report_figure import ReportFigure
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from twin.results import Analysis, EventLine, Signals, Violation
+    from twin.results import EventLine, Signals, Violation
     from twin.web import PackedArrays
 
     Tables = Mapping[tuple[str, int], Signals]
@@ -59,35 +57,6 @@ def draw_plots(
             )
         )
     return figures
-
-
-def trace_to_inputs(violation: Violation, analyses: Sequence[Analysis], tables: Tables) -> list[Violation]:
-    """Return where a violated metric of an analysis comes from: its worst window of each input; else the violation itself."""
-    sources = source_analyses(analyses, violation.signal) if violation.reduce else []
-    if not sources:
-        return [violation]
-    ends: dict[tuple[str, int], float | None] = {}
-    for case, instant in violation.cases.items():
-        parts = list(tables[case].evaluate_parts(violation.signal, violation.window))
-        if instant is not None and parts:  # a result that stays for a while is of the window before its last row
-            time, value = map(np.concatenate, zip(*parts, strict=True))
-            ends[case] = float(time[value == value[np.argmin(np.abs(time - instant))]][-1])
-    units = next(iter(tables.values())).units
-    return [
-        replace(
-            violation,
-            signal=signal,
-            window=Window(),
-            cases=ends,
-            unit=units.get(signal.single.name, "") if signal.single else "",
-            low=None,
-            high=None,
-            span=analysis.window_length,
-        )
-        for analysis in sources
-        for signal in analysis.inputs.values()
-        if analysis.window_length and ends
-    ]
 
 
 def view_command(plot: Plot, folder: str) -> str:

@@ -169,8 +169,9 @@ def moments(time: Array, y: Array) -> Array:
     finite = np.isfinite(blocks.min(axis=1)) & np.isfinite(blocks.max(axis=1))
     table = np.empty((full, 8))
     with np.errstate(invalid="ignore"):
-        table[:, 0], table[:, 1], table[:, 5] = BLOCK, blocks.mean(axis=1), times.mean(axis=1)
+        table[:, 0], table[:, 5] = BLOCK, times.mean(axis=1)
     for k in np.flatnonzero(finite):
+        table[k, 1] = stable_mean(blocks[k])
         deviations, delays = blocks[k] - table[k, 1], times[k] - table[k, 5]
         table[k, 2], table[k, 6], table[k, 7] = deviations @ deviations, delays @ delays, delays @ deviations
     table[:, 3], table[:, 4] = blocks.min(axis=1), blocks.max(axis=1)
@@ -189,9 +190,16 @@ def moments_of_finite(time: Array, y: Array) -> Array:
     time, y = time[finite], y[finite]
     if not len(y):
         return np.array([0.0, 0.0, 0.0, np.inf, -np.inf, 0.0, 0.0, 0.0])
-    mean, middle = y.mean(), time.mean()
-    delays = time - middle
-    return np.array([len(y), mean, len(y) * y.var(), y.min(), y.max(), middle, delays @ delays, delays @ (y - mean)])
+    mean, middle = stable_mean(y), time.mean()
+    deviations, delays = y - mean, time - middle
+    return np.array(
+        [len(y), mean, deviations @ deviations, y.min(), y.max(), middle, delays @ delays, delays @ deviations]
+    )
+
+
+def stable_mean(y: Array, weights: Array | None = None) -> float:
+    """Return the mean as a distance from the first value: exact for equal values, whose deviation is then zero."""
+    return float(y[0] + np.average(y - y[0], weights=weights))
 
 
 def merge_moments(parts: Array) -> dict[str, Any]:
@@ -199,7 +207,8 @@ def merge_moments(parts: Array) -> dict[str, Any]:
     number, means, squares, low, high, middles, spreads, products = parts.T
     if not (count := int(number.sum())):
         return {"count": 0}
-    mean = float(number @ means) / count
+    filled = number > 0
+    mean = stable_mean(means[filled], number[filled])
     variance = float(squares.sum() + number @ np.square(means - mean)) / count
     lowest, highest = float(low.min()), float(high.max())
     delays = middles - number @ middles / count

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from string import ascii_uppercase
 from typing import TYPE_CHECKING, Any
 
 from twin.component import unit as units
-from twin.results import expression
+from twin.results import MetricFormat, MetricResult, common_seeds, expression, metric_formats
 from twin.viewer import following
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from twin.viewer.runs import RunCollection
     from twin.viewer.verdicts import ExpectationView, Verdicts
@@ -49,7 +50,9 @@ def about(runs: RunCollection) -> dict[str, Any]:
             for number, expectation in sort_expectations(verdicts)
         ],
         "metrics": [
-            metric | {"run": number} for number, verdict in enumerate(verdicts) for metric in verdict.metrics()
+            metric | {"run": number}
+            for number, compared in enumerate(compare_metrics(verdicts))
+            for metric in verdicts[number].metrics(compared)
         ],
         "events": [
             event | {"run": number}
@@ -61,6 +64,68 @@ def about(runs: RunCollection) -> dict[str, Any]:
         "plots": list({plot["title"]: plot for verdict in verdicts for plot in verdict.plots()}.values()),
         "following": runs.following(),
     }
+
+
+@dataclass(frozen=True)
+class MetricOfRun:
+    """A metric of a variant over the seeds that all runs have. `seeds`: their number if a run has others, too; else 0.
+
+    `first`: the same metric of the first of two runs.
+    """
+
+    result: MetricResult
+    style: MetricFormat
+    first: MetricResult | None
+    seeds: int
+
+    def row(self) -> dict[str, Any]:
+        """Return the values as texts."""
+        result, style = self.result, self.style
+        numbers = [number for number in result.values.values() if number is not None]
+        low, high = (style.number(edge(numbers), result.scale) if numbers else "" for edge in (min, max))
+        return {
+            "variant": result.variant,
+            "verdict": result.verdict,
+            "value": style.number(result.mean, result.scale),
+            "reference": None if result.paper is None else style.number(result.paper),
+            "range": f"{low} to {high}" if low != high else "",
+            "change": self.change(),
+            "seeds": self.seeds,
+        }
+
+    def change(self) -> str:
+        """Return by how much the mean is above that of the first run, with the digits of both."""
+        first, mean = self.first.mean if self.first else None, self.result.mean
+        if first is None or mean is None:
+            return ""
+        text = replace(self.style, is_difference=True).number(mean - first, max(abs(mean), abs(first)))
+        return text if text.strip("-0.") else text.removeprefix("-")
+
+
+def compare_metrics(verdicts: Sequence[Verdicts]) -> list[dict[tuple[str, str], MetricOfRun]]:
+    """Return the metrics of each run by name and variant: of several runs over their common seeds, with common digits."""
+    runs = [{(result.metric.name, result.variant): result for result in own.results()} for own in verdicts]
+    keys = list(dict.fromkeys(key for run in runs for key in run))
+    seeds = {key: common_seeds(*(run[key].values for run in runs if key in run)) for key in keys}
+    is_part = {key: any(key in run and len(run[key].values) > len(seeds[key]) for run in runs) for key in keys}
+    common = [
+        {key: replace(own, values={n: own.values[n] for n in seeds[key] or own.values}) for key, own in run.items()}
+        for run in runs
+    ]
+    styles = metric_formats([run[key] for key in keys for run in common if key in run])
+    first = common[0] if len(runs) == 2 else {}
+    return [
+        {
+            key: MetricOfRun(
+                own,
+                styles[key[0]],
+                first.get(key) if number and seeds[key] else None,
+                len(seeds[key]) * is_part[key],
+            )
+            for key, own in run.items()
+        }
+        for number, run in enumerate(common)
+    ]
 
 
 def sort_expectations(verdicts: Iterable[Verdicts]) -> list[tuple[int, ExpectationView]]:

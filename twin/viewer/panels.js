@@ -195,7 +195,7 @@ function cases() {
       const buttons = row.insertCell();
       about.cases.forEach((one, k) => {
         if (one.run !== r || one.variant !== variant || (about.embedded && !about.shown.includes(k))) return;
-        const chosen = button(one.seed, () => { state.cases = chosen.ariaPressed === "true" ? state.cases.filter((each) => each !== k) : [...state.cases, k]; show(); }, { className: "seed", title: `${one.label}: ${one.samples} samples` });
+        const chosen = button(one.seed > 9999 ? "seed" : one.seed, () => { state.cases = chosen.ariaPressed === "true" ? state.cases.filter((each) => each !== k) : [...state.cases, k]; show(); }, { className: "seed", title: `${one.label}: ${one.samples} samples` });
         chosen.setAttribute("aria-pressed", state.cases.includes(k));
         buttons.append(chosen);
       });

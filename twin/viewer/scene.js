@@ -50,8 +50,8 @@ function goToTime(at) {
   chart.setTime(at);
   placed();
   moved();
-  tabulate();
-  if (!playing) keep();
+  refresh();
+  if (!playing) { tabulate(); keep(); }
 }
 
 function placed() {
@@ -86,6 +86,7 @@ function pause() {
   cancelAnimationFrame(playing);
   playing = 0;
   find("play").ariaLabel = "play";
+  tabulate();
   keep();
 }
 

@@ -148,14 +148,14 @@ class EmbeddedSource {
 
 // statistics of the finite samples of a window
 function summaryOf(x, y, from, to) {
-  const found = { count: 0, low: Infinity, high: -Infinity, sum: 0, squares: 0, times: 0, first: -1, last: -1 };
+  const found = { count: 0, low: Infinity, high: -Infinity, sum: 0, squares: 0, times: 0, first: -1, last: -1 }, start = () => y[found.first];
   for (let k = Math.max(before(x, from), 0); k < x.length && x[k] <= to; k++) {
     if (x[k] < from || !Number.isFinite(y[k])) continue;
     if (found.first < 0) found.first = k;
-    found.last = k; found.count++; found.times += x[k]; found.sum += y[k]; found.squares += y[k] * y[k];
+    found.last = k; found.count++; found.times += x[k]; found.sum += y[k] - start(); found.squares += y[k] * y[k];
     found.low = Math.min(found.low, y[k]); found.high = Math.max(found.high, y[k]);
   }
-  const { count, low, high, first, last } = found, mean = found.sum / count, middle = found.times / count, span = x[last] - x[first];
+  const { count, low, high, first, last } = found, mean = start() + found.sum / count, middle = found.times / count, span = x[last] - x[first];
   if (!count) return { count };
   let deviations = 0, spread = 0, rise = 0;
   for (let k = first; k <= last; k++) {

@@ -21,24 +21,30 @@ let state;
 
 function first() {
   const firsts = firstGroups(), samples = firsts.flatMap(({ cases }) => cases).reduce((sum, k) => sum + about.cases[k].samples, 0);
-  const seeds = samples <= SAMPLES ? firsts.flatMap(({ cases }) => cases) : firsts.map(({ cases }) => cases[0]);
+  const isCommon = (k) => { const { variant, seed } = about.cases[k]; return firsts.every((group) => group.variant !== variant || group.cases.some((other) => about.cases[other].seed === seed)); };
+  const seeds = samples <= SAMPLES ? firsts.flatMap(({ cases }) => (cases.some(isCommon) ? cases.filter(isCommon) : cases)) : firsts.map(({ cases }) => cases[0]); // runs are compared over their common seeds
   const found = { panes: [], cases: about.shown.length ? about.shown : seeds, window: null, cursors: [], offsets: about.runs.map(() => 0), band: true, time: null, scene: null, span: about.following && about.growing ? LATEST : null };
-  const failed = about.expectations.find((one) => one.verdict === "fail" && Object.keys(one.spans).length && nameInPage(one.signal));
-  if (about.shown_signals.length) found.panes = together(about.shown_signals, groupsOf(found.cases, true).length);
-  else if (failed) {
-    found.panes = [pane([nameInPage(failed.signal)], { variants: failed.variants.length ? failed.variants : undefined })];
-    const bad = Object.keys(failed.spans).map(Number), shown = new Set(found.cases);
-    if (!bad.some((k) => shown.has(k))) found.cases = [bad[0], ...found.cases];
-    if (failed.failed_at === null) found.panes.push(...firstPlots(1).slice(0, 1)); // of a metric: its signal may be one number
-    else found.window = windowOfFailure(failed, found);
-    found.scene = found.cases.find((k) => failed.spans[k]);
-  } else {
+  const own = about.shown_signals, failed = about.expectations.find((one) => one.verdict === "fail" && Object.keys(one.spans).length && (own.length || judgedSignals(one).length));
+  if (own.length) found.panes = together(own, groupsOf(found.cases, true).length);
+  if (failed) {
+    const isWindow = failed.failed_at === null && !failed.sources.length, isShown = found.cases.some((k) => failed.spans[k]); // of a metric: its signal may be one number
+    if (!own.length) {
+      found.panes = judgedSignals(failed).map((name) => pane([name], { variants: failed.variants.length ? failed.variants : undefined }));
+      if (isWindow) found.panes.push(...firstPlots(1).slice(0, 1));
+      if (!isShown) found.cases = [+Object.keys(failed.spans)[0], ...found.cases];
+    }
+    if (!isWindow && (isShown || !own.length)) found.window = windowOfFailure(failed, found);
+    found.scene = found.cases.find((k) => failed.spans[k]) ?? null;
+  } else if (!own.length) {
     found.panes = firstPlots(new Set(found.cases.map((k) => about.cases[k].variant)).size);
     for (const one of found.panes) found.cases = withVariants(found.cases, one.variants);
     found.window = windowOfPlots(found.panes.map(plotOf), found.cases);
   }
   return found;
 }
+
+// the signals that show what an expectation or a metric judges: those from which an analysis computes it come first
+const judgedSignals = ({ sources, signal }) => [...sources.slice(0, FIRST_PLOTS), signal].filter(Boolean).map(nameInPage).filter(Boolean);
 
 // the first failed span in shown cases, with a margin
 function windowOfFailure({ spans, run }, { cases, offsets }) {
@@ -197,7 +203,9 @@ function shownPane(one, cases, part) {
   if (found.own) found.x = { label: one.kind === "spectrum" ? "frequency" : one.x, unit: `[${head?.x_unit || (one.kind === "xy" ? signals.get(one.x)?.unit : "Hz") || ""}]` };
   const plot = plotOf(one);
   if (plot && one.items.every((item) => item.minus === null)) Object.assign(found, { band: plot.band.length ? plot.band : null, lines: plot.lines });
+  found.hidden = [...new Set(state.cases.map((k) => about.cases[k].variant))].filter((variant) => one.variants && !one.variants.includes(variant));
   if (one.kind === "time") Object.assign(found, judged(lines));
+  if (one.metric && one.kind === "time") found.limits.push(...levels(one.metric, lines));
   found.ending = shorten(lines);
   if (one.kind === "time" && plot?.fan) found.curves = [...lines, ...fan(plot.fan, lines.length)];
   return found;
@@ -287,22 +295,33 @@ function bandOf(signal) {
 
 // limits and failed spans of the signals of a pane; `violations`: the names of the failed expectations with their variants
 function judged(lines) {
-  const limits = [], spans = [], violations = new Map();
+  const limits = [], spans = [], traced = [], violations = new Map();
   for (const each of about.expectations) {
-    const own = lines.filter(({ spec, item }) => item.minus === null && [spec.signal, heads.get(spec.signal)?.key].includes(each.signal) && about.cases[spec.case].run === each.run
-      && (!each.variants.length || each.variants.includes(about.cases[spec.case].variant)));
+    const isOf = ({ spec }, name) => [spec.signal, heads.get(spec.signal)?.key].includes(name);
+    const own = lines.filter((line) => line.item.minus === null && [each.signal, ...each.sources].some((name) => isOf(line, name)) && about.cases[line.spec.case].run === each.run
+      && (!each.variants.length || each.variants.includes(about.cases[line.spec.case].variant)));
     if (!each.signal || !own.length) continue;
     const move = state.offsets[each.run];
-    for (const y of [each.low, each.high]) if (y !== null) limits.push({ y, from: each.begin === null ? -Infinity : each.begin + move, to: each.end === null ? Infinity : each.end + move, failed: each.verdict === "fail" });
+    for (const y of own.some((line) => isOf(line, each.signal)) ? [each.low, each.high] : []) if (y !== null) limits.push({ y, from: each.begin === null ? -Infinity : each.begin + move, to: each.end === null ? Infinity : each.end + move, failed: each.verdict === "fail" });
     for (const number of own.flatMap(({ cases }) => cases)) {
       const { variant } = about.cases[number], name = `${about.runs.length > 1 ? `${about.runs[each.run].letter}: ` : ""}${/[ ,]/.test(variant) ? `"${variant}"` : variant}`;
       for (const [from, to] of each.spans[number] || []) {
-        spans.push({ from: from + move, to: to + move, text: `fails: ${each.name}, in ${name}` });
-        violations.set(each.name, (violations.get(each.name) ?? new Set()).add(name));
+        const what = each.sources.length ? `${each.name} (worst ${+(to - from).toPrecision(2)} s)` : each.name;
+        (each.sources.length ? traced : spans).push({ from: from + move, to: to + move, text: `fails: ${what}, in ${name}`, what, name });
       }
     }
   }
-  return { limits, spans, violations: [...violations].map(([name, variants]) => `${name}, in ${[...variants].join(", ")}`) };
+  const marked = spans.length ? spans : traced; // a window of many seconds would hide failed samples
+  for (const { what, name } of marked) violations.set(what, (violations.get(what) ?? new Set()).add(name));
+  return { limits, spans: marked, violations: [...violations].map(([name, variants]) => `${name}, in ${[...variants].join(", ")}`) };
+}
+
+// lines at the values of a metric over its window, in the colors of its curves
+function levels(name, lines) {
+  return about.metrics.filter((own) => own.name === name).flatMap(({ run, rows, begin, end, reduce }) => lines.flatMap(({ spec, item, color }) => {
+    const own = about.cases[spec.case], level = own.run === run && item.minus === null ? rows.find(({ variant }) => variant === own.variant)?.level : null, move = state.offsets[run];
+    return Number.isFinite(level) ? [{ y: level, from: (begin ?? -Infinity) + move, to: (end ?? Infinity) + move, color, name: reduce }] : [];
+  }));
 }
 
 // the time of the shown cases; `span`: of a run in progress, its last seconds

@@ -2,6 +2,7 @@
 
 const digits = (value) => (value === null || value === undefined ? "–" : String(+value.toPrecision(6)));
 const STATISTICS = [["mean", "mean"], ["std", "std"], ["rms", "RMS"], ["low", "min"], ["high", "max"], ["peak_to_peak", "peak to peak"]];
+const PASSES = 5; // at most, of requirements that are shown: more are folded
 const SHORT = 150, PAIRED = 2e6; // shortest time between requests of values [ms]; samples of a case from which on it is not compared with that of run A
 
 // request values for what is shown now, again if it changes meanwhile
@@ -10,7 +11,7 @@ async function tabulate() {
   if (tabulate.busy) return;
   tabulate.busy = true;
   while (tabulate.stale) {
-    await new Promise((done) => setTimeout(done, playing ? SHORT / 4 : SHORT));
+    await new Promise((done) => setTimeout(done, SHORT));
     tabulate.stale = false;
     try { await summarize(); } catch { /* the chart says what is wrong */ }
   }
@@ -24,7 +25,7 @@ const summarized = () => (isBetween() ? [...state.cursors].sort((a, b) => a - b)
 async function summarize() {
   if (!find("values").open && about.runs.length < 2) return;
   const lines = [...curves.values()].filter((line) => line.spec.kind === "time" && !chart.dimmed.has(line.name)), window = summarized();
-  const times = [...state.cursors, ...(state.time === null ? [] : [state.time])], own = (line, list) => list.map((time) => time - offset(line.spec.case));
+  const times = [...state.cursors, ...(state.time === null || playing ? [] : [state.time])], own = (line, list) => list.map((time) => time - offset(line.spec.case));
   const pairs = about.runs.length < 2 ? [] : lines.flatMap((line, k) => { const found = line.item.minus === null && about.cases[line.spec.case].samples < PAIRED && curveOf({ kind: "time" }, { ...line.item, minus: about.runs[0].letter }, line); return found ? [[k, found]] : []; });
   const specs = [...lines.map((line) => [line, line.spec]), ...pairs.map(([k, { spec }]) => [lines[k], spec])].map(([line, spec]) => ({ ...spec, window: own(line, window) }));
   const key = JSON.stringify([specs, lines.map((line) => about.cases[line.spec.case].samples)]); // statistics do not depend on the time cursor
@@ -33,15 +34,18 @@ async function summarize() {
   distances.clear();
   pairs.forEach(([k, { cases: { length: common } }], p) => {
     const { count, low, high } = statistics[lines.length + p], far = Math.max(Math.abs(low), Math.abs(high)), { spec, cases, name, pane: { unit } } = lines[k];
-    const all = about.cases.filter(({ run, variant }) => !run && variant === about.cases[spec.case].variant).length, isPart = common < Math.max(all, cases.length);
-    if (count) distances.set(name, `(${far === 0 && (isPart || count === statistics[k].count) ? "equal to A" : `A ± ${number(far, 0)} ${unit}`}${isPart ? ` in ${common} seed${common > 1 ? "s" : ""}` : ""})`);
+    const all = state.cases.filter((each) => !about.cases[each].run && about.cases[each].variant === about.cases[spec.case].variant).length, isPart = common < Math.max(all, cases.length);
+    const where = isBetween() ? " from t1 to t2" : state.window ? " in view" : "", [{ letter: first }] = about.runs;
+    if (count) distances.set(name, `(${far === 0 && (isPart || count === statistics[k].count) ? `equal to ${first}` : `max |${about.runs[about.cases[spec.case].run].letter} − ${first}| ${number(+far.toPrecision(2), 0)} ${unit}`}${where}${isPart ? ` in ${common} seed${common > 1 ? "s" : ""}` : ""})`);
   });
   chart.redraw(false);
   if (!find("values").open) return;
   const values = times.length ? await source.values(specs.slice(0, lines.length), lines.map((line) => own(line, times))) : [];
   const seeds = specs.some((spec) => spec.seeds?.length) ? "; seeds: min and max of all, otherwise the mean over seeds" : "";
-  find("summarized").textContent = (isBetween() ? "between the cursors" : state.window ? "of the visible time" : "of the whole time") + seeds;
+  const [begin, end] = windowOf(), away = state.cursors.flatMap((at, k) => (at < begin || at > end ? [`t${k + 1}`] : [])).join(" and ");
+  find("summarized").textContent = (isBetween() ? `between t1 and t2${away && ` (${away} outside of the visible time)`}` : state.window ? "of the visible time" : "of the whole time") + seeds;
   find("values").querySelector("div").replaceChildren(valueTable(lines, values, statistics));
+  if (playing) refresh();
 }
 
 // statistics of curves; seeds are evaluated one by one, as in metrics: the mean curve would hide their noise
@@ -62,19 +66,20 @@ function overSeeds(parts) {
 function valueTable(lines, values, statistics) {
   const table = element("table", ""), [from, to] = windowOf(), [a, b] = state.cursors, both = b !== undefined, second = (value) => `${readableTime(value, from, to)} s`;
   const row = (cells, tag = "td") => { const made = table.insertRow(); cells.forEach((text) => made.append(element(tag, text))); return made; };
-  const cursors = [...(a === undefined ? [] : ["A"]), ...(both ? ["B", "B − A"] : []), ...(state.time === null ? [] : ["now"])];
-  row(["", ...cursors.map((name) => name.replace(/^[AB]$/, "at $&")), ...STATISTICS.map(([, title]) => title), "slope [1/s]", "rate [Hz]"], "th");
+  const cursors = [...(a === undefined ? [] : ["t1"]), ...(both ? ["t2", "t2 − t1"] : []), ...(state.time === null ? [] : ["now"])];
+  row(["", ...cursors.map((name) => name.replace(/^t.$/, "at $&")), ...STATISTICS.map(([, title]) => title), "slope [1/s]", "rate [Hz]"], "th");
   if (cursors.length) {
-    const found = { A: a, B: b, "B − A": b - a, now: state.time }, made = row(["time", ...cursors.map((name) => second(found[name])), ...Array(STATISTICS.length + 2).fill("")]);
+    const found = { t1: a, t2: b, "t2 − t1": b - a, now: state.time }, made = row(["time", ...cursors.map((name) => second(found[name])), ...Array(STATISTICS.length + 2).fill("")]);
+    if (state.time !== null) made.cells[cursors.length].now = () => second(state.time);
     if (both && a !== b) {
-      Object.assign(made.cells[cursors.length + 1], { textContent: `1 / (B − A): ${number(1 / Math.abs(b - a), 0)} Hz`, colSpan: 3 });
+      Object.assign(made.cells[cursors.length + 1], { textContent: `1 / (t2 − t1): ${number(1 / Math.abs(b - a), 0)} Hz`, colSpan: 3 });
       made.deleteCell(-1);
       made.deleteCell(-1);
     }
   }
   const entries = lines.map((line, k) => {
     const [first, second] = values[k] || [];
-    return { line, ...statistics[k], A: first, B: second, "B − A": Number.isFinite(first) && Number.isFinite(second) ? second - first : null, now: values[k]?.[state.cursors.length] };
+    return { line, ...statistics[k], t1: first, t2: second, "t2 − t1": Number.isFinite(first) && Number.isFinite(second) ? second - first : null, now: values[k]?.[state.cursors.length] };
   });
   for (const place of new Set(lines.map((line) => line.place))) paneRows(entries.filter(({ line }) => line.place === place), cursors, row);
   return table;
@@ -83,16 +88,20 @@ function valueTable(lines, values, statistics) {
 // the rows of the curves of a pane, or of the panes into which it is split: each column has one precision
 function paneRows(entries, cursors, row) {
   const [from, to] = summarized(), { unit } = entries[0].line.pane;
-  const step = resolution(entries);
+  const step = resolution(entries), differ = new Set(entries.map(({ line }) => SEEDS.exec(line.label)?.[0])).size > 1;
   const columns = [...[...cursors, ...STATISTICS.map(([name]) => name)].map((name) => [name, step]), ["slope", 10 * step / (to - from)], ["rate", 0]];
   const texts = columns.map(([name, own]) => columnTexts(entries.map((each) => each[name]), own));
   entries.forEach(({ line, count, thinned }, k) => {
     if (line.pane !== entries[k - 1]?.line.pane) row([`${line.pane.title}${unit ? ` [${unit}]` : ""}`], "th").firstChild.colSpan = 4;
     const made = row(["", ...texts.map((column) => column[k])]);
-    made.firstChild.append(swatch(line), line.label.replace(SEEDS, ""));
+    made.firstChild.append(swatch(line), differ ? line.label : line.label.replace(SEEDS, ""));
+    if (cursors.includes("now")) made.cells[cursors.length].now = () => columnTexts([valueAt({ ...(chart.data[line.name] ?? { x: [] }), head: { real: !line.step } }, state.time)], step)[0];
     made.title = `${line.label}: ${line.about}; ${(count ?? 0).toLocaleString("en-US")} ${thinned ? "extremes of its samples: mean, std and RMS with twin view" : "samples"}`;
   });
 }
+
+// while the time cursor moves, its column has the values of the drawn samples: a request would be late
+function refresh() { if (state.time !== null) for (const cell of find("values").querySelectorAll("td, th")) if (cell.now) cell.textContent = cell.now(); }
 
 // what a screen can show of the smallest range of several curves, at most a part of the largest value; 0 if all are constant
 function resolution(entries) {
@@ -109,7 +118,8 @@ function columnTexts(values, step) {
 
 // ---- metrics and verdicts
 
-function badge(verdict) { return element("b", { pass: "pass", fail: "FAIL", none: "none", open: "open", skipped: "skipped" }[verdict] ?? "", { className: verdict }); }
+const VERDICTS = { pass: "pass", fail: "FAIL", none: "none", open: "open", skipped: "skipped" }, SIGNS = { pass: "✓", fail: "✗", none: "✗" }; // in words, and where several share a line
+function badge(verdict, texts = VERDICTS) { return element("b", texts[verdict] ?? "", { className: verdict, title: VERDICTS[verdict] ?? "" }); }
 
 // what several runs have in common: entries of the same name, of each run at most one; the number of a repeated name counts
 function byName(entries, nameOf) {
@@ -126,12 +136,12 @@ function byName(entries, nameOf) {
 const perRun = (textOf) => (about.runs.length < 2 ? textOf(0) : about.runs.map(({ letter: run }, r) => `${run}: ${textOf(r)}`).join("; "));
 
 function expectations() {
-  const box = find("expectations"), isFolded = !box.querySelector("details[open]"), several = about.runs.length > 1;
-  const isSkipped = (own) => own.every(({ verdict }) => verdict === "skipped"), groups = byName(about.expectations, ({ name }) => name), problem = about.runs.map((run) => run.problem).filter(Boolean);
+  const box = find("expectations"), unfolded = new Set([...box.querySelectorAll("details[open]")].map((one) => one.dataset.kind)), several = about.runs.length > 1;
+  const has = (own, ...verdicts) => own.every(({ verdict }) => verdicts.includes(verdict)), isSkipped = (own) => has(own, "skipped"), groups = byName(about.expectations, ({ name }) => name), problem = about.runs.map((run) => run.problem).filter(Boolean);
   const rowOf = (own) => {
     const [one] = [...own].sort((a, b) => (b.verdict === "fail") - (a.verdict === "fail")), label = element("span", ""), badges = element("div", "");
     const found = button("", () => goTo(one), { className: "outcome", disabled: !one.signal || !nameInPage(one.signal) }), detailsOf = (some) => some.map(({ run, detail }) => `${several ? `${about.runs[run].letter}: ` : ""}${detail}`).join(" ");
-    badges.append(...(several ? about.runs.flatMap(({ letter: run }, r) => [`${run} `, badge(own.find((each) => each.run === r)?.verdict), element("br", "")]) : [badge(one.verdict)]));
+    badges.append(...(several ? about.runs.flatMap(({ letter: run }, r) => { const each = element("span", `${run} `); each.append(badge(own.find((other) => other.run === r)?.verdict)); return [each, " "]; }) : [badge(one.verdict)]));
     const small = detailsOf(several ? own.filter(({ verdict }) => verdict === "fail") : own);
     found.title = detailsOf(own);
     label.append(element("b", one.name), " ", element("small", small === one.name ? "" : small));
@@ -143,20 +153,19 @@ function expectations() {
     const own = about.expectations.filter(({ run }) => run === r), count = (verdict) => own.filter((one) => one.verdict === verdict).length, failed = count("fail"), skipped = count("skipped"), judged = own.length - skipped;
     return own.length && count("open") === own.length ? `${own.length}, judged at the end` : (failed ? `${failed} of ${judged} failed` : `${judged}, none failed`) + (skipped ? `, ${skipped} not judged` : "");
   };
-  const skipped = groups.filter(isSkipped), rest = element("details", "", { open: !isFolded });
-  rest.append(element("summary", `not judged (${skipped.length})`), ...skipped.map(rowOf));
+  const passed = groups.filter((own) => has(own, "pass", "skipped") && !isSkipped(own)), folds = [...(passed.length > PASSES ? [["passed", passed]] : []), ["not judged", groups.filter(isSkipped)]].filter(([, own]) => own.length).map(([kind, own]) => {
+    const fold = element("details", "", { open: unfolded.has(kind) });
+    fold.dataset.kind = kind;
+    fold.append(element("summary", `${kind} (${own.length})`), ...own.map(rowOf));
+    return [own, fold];
+  }), hidden = new Set(folds.flatMap(([own]) => own));
+  box.classList.toggle("several", several);
   box.hidden = !groups.length && !problem.length;
   box.querySelector("summary").textContent = `Requirements: ${perRun(summary)}`;
-  box.querySelector("div").replaceChildren(...problem.map((text) => element("p", text, { className: "twin-soft" })), ...groups.filter((own) => !isSkipped(own)).map(rowOf), ...(skipped.length ? [rest] : []));
+  box.querySelector("div").replaceChildren(...problem.map((text) => element("p", text, { className: "twin-soft" })), ...groups.filter((own) => !hidden.has(own)).map(rowOf), ...folds.map(([, fold]) => fold));
 }
 
 const referenced = (own) => own.flatMap(({ rows }) => rows).filter((row) => row.reference !== null), compared = (own) => referenced(own).filter(({ verdict }) => verdict === "pass" || verdict === "fail");
-
-// the difference of two numbers, with their digits
-function difference(a, b) {
-  const value = Number(b ?? NaN) - Number(a ?? NaN), places = (text) => /\.(\d+)$/.exec(text)?.[1].length ?? 0;
-  return !Number.isFinite(value) ? "–" : /e/.test(a + b) ? number(value, 0) : value.toFixed(Math.max(places(a), places(b))).replace(/^-(?=[0.]*$)/, "");
-}
 
 // metrics of all runs with the paper's values; those of shown variants are marked
 function metrics() {
@@ -168,9 +177,11 @@ function metrics() {
   })}`;
   box.querySelector("div").replaceChildren(...byName(about.metrics, ({ name, unit }) => `${name} ${unit}`).map((own) => {
     const [one] = own, found = element("div", "", { className: "metric" }), table = element("table", ""), reference = referenced(own).length > 0;
-    found.append(button(`${one.description || one.name}${one.unit ? ` [${one.unit}]` : ""}`, () => goTo({ ...one, spans: {} }), { className: "name", title: `${one.name}: ${one.definition}`, disabled: !one.signal || !nameInPage(one.signal) }), table);
+    found.append(button(`${one.description || one.name}${one.unit ? ` [${one.unit}]` : ""}`, () => goTo({ ...one, metric: one.name, spans: {} }), { className: "name", title: `${one.name}: ${one.definition}`, disabled: !one.signal || !nameInPage(one.signal) }), table);
     const head = table.insertRow(), titles = [...(several ? about.runs.map((run) => run.letter) : reference ? ["twin"] : []), ...(isPair ? ["B − A"] : []), ...(reference ? ["paper"] : []), ...(reference && !several ? [compared(own).length ? one.tolerance ?? "" : ""] : [])];
     if (titles.length) ["", ...titles].forEach((text) => head.append(element("th", text)));
+    const seeds = [...new Set(own.flatMap(({ rows }) => rows.map((row) => row.seeds)))].filter(Boolean);
+    if (isPair && seeds.length) head.cells[3].append(element("small", `in ${seeds.length > 1 ? "common seeds" : `${seeds[0]} seed${seeds[0] > 1 ? "s" : ""}`}`));
     for (const variant of new Set(own.flatMap(({ rows }) => rows.map((row) => row.variant)))) {
       const made = table.insertRow(), rows = about.runs.map((_, r) => own.find(({ run }) => run === r)?.rows.find((row) => row.variant === variant));
       made.classList.toggle("twin-soft", !shown.has(variant));
@@ -179,9 +190,9 @@ function metrics() {
         const cell = made.insertCell();
         cell.append(row?.value ?? "–", " ");
         if (row?.range) Object.assign(cell, { title: `seeds: ${row.range}` });
-        if (several && row) cell.append(badge(row.verdict)); else if (row?.range) cell.append(element("small", row.range));
+        if (several && row) cell.append(badge(row.verdict, SIGNS)); else if (row?.range) cell.append(element("small", row.range));
       }
-      if (isPair) made.insertCell().textContent = difference(...rows.map((row) => row?.value));
+      if (isPair) made.insertCell().textContent = rows[1]?.change || "–";
       if (reference) made.insertCell().textContent = rows.find((row) => row?.reference)?.reference ?? "";
       if (!several) made.insertCell().append(badge(rows[0].verdict));
     }
@@ -191,10 +202,11 @@ function metrics() {
 
 // show the signal of an expectation or a metric, in its window; of a failed expectation, its first failed span
 function goTo(one) {
-  const name = nameInPage(one.signal);
   const variants = one.variants?.length ? one.variants : undefined; // those that are judged
-  let place = state.panes.findIndex((each) => each.kind === "time" && (!variants || String(each.variants) === String(variants)) && each.items.some((item) => item.minus === null && (item.signal === name || heads.get(item.signal)?.key === one.signal)));
-  if (place < 0) { place = 0; state.panes.unshift(pane([name], { variants })); }
+  const paneOf = (name) => state.panes.find((each) => each.kind === "time" && (!variants || String(each.variants) === String(variants)) && each.items.some((item) => item.minus === null && [item.signal, heads.get(item.signal)?.key].includes(name)));
+  const panes = judgedSignals(one).map((name) => paneOf(name) ?? pane([name], { variants }));
+  state.panes.splice(state.panes.indexOf(panes[0]) + 1, 0, ...panes.filter((own) => !state.panes.includes(own)));
+  for (const own of state.panes) own.metric = own === panes.at(-1) ? one.metric : undefined;
   if (variants && !state.cases.some((k) => about.cases[k].run === one.run && variants.includes(about.cases[k].variant)))
     state.cases = [...state.cases, ...about.cases.flatMap((each, k) => (each.run === one.run && variants.includes(each.variant) ? [k] : []))];
   const bad = Object.keys(one.spans).map(Number), [low, high] = extentOf(), move = state.offsets[one.run];
@@ -203,7 +215,7 @@ function goTo(one) {
     state.window = windowOfFailure(one, state);
   } else state.window = one.begin === null && one.end === null ? null : [(one.begin ?? low - move) + move, (one.end ?? high - move) + move];
   show();
-  reveal(place);
+  reveal(state.panes.indexOf(panes[0]));
 }
 
 function events() {

@@ -21,6 +21,7 @@ from twin.results import (
     metric_formats,
     si_conversion,
     source_analyses,
+    trace_to_inputs,
 )
 from twin.run import event_rows
 from twin.scenario import lint
@@ -31,10 +32,12 @@ if TYPE_CHECKING:
 
     from twin.results import EventLine, Expectation, Expression, Metric, Plot, Violation
     from twin.scenario import ScenarioSpec
+    from twin.viewer.page_data import MetricOfRun
     from twin.viewer.runs import OpenRun
 
     Key = tuple[str, int]
 
+LEVELS = ("mean", "min", "max", "final", "rms")  # reductions whose value can be drawn in the plot of the signal
 REPEAT_INTERVAL = 0.2  # longest time between merged settings of one variable [s]
 
 
@@ -43,7 +46,8 @@ class ExpectationView:
     """An expectation. `low`, `high`: limits in the display unit of `signal`; `spans`: failed spans [s], by case.
 
     `signal` is a normalized expression for comparisons; empty if the expectation has no signal. `failed_at`: when its
-    signal first fails [s]; None for a metric, whose value is of a window.
+    signal first fails [s]; None for a metric, whose value is of a window. `sources`: the recorded signals from which an
+    analysis computes `signal`; the spans are then the windows of these whose result fails.
     """
 
     name: str
@@ -57,6 +61,7 @@ class ExpectationView:
     variants: tuple[str, ...] = ()
     spans: dict[Key, list[tuple[float, float]]] | None = None
     failed_at: float | None = None
+    sources: tuple[str, ...] = ()
 
 
 class Verdicts:
@@ -78,12 +83,13 @@ class Verdicts:
         """Units of the signals that are judged by metrics only, as the metrics show them; by normalized expression."""
         judged = self.scenario.expectations if self.scenario else ()
         own = {ast.unparse(expectation.signal.tree) for expectation in judged if expectation.signal}
-        results = self._results()
+        results = self.results()
         formats = metric_formats(results)
         signals = {ast.unparse(result.metric.signal.tree): result.metric for result in reversed(results)}
         return {signal: formats[metric.name].unit for signal, metric in signals.items() if signal not in own}
 
-    def _results(self) -> list[MetricResult]:
+    def results(self) -> list[MetricResult]:
+        """Return the metrics of the summary that the scenario defines, SI."""
         definitions = self.scenario.metrics if self.scenario else {}
         return [
             metric_result(definitions[name], variant, figures)
@@ -113,20 +119,22 @@ class Verdicts:
         ]
         return [*judged, *(ExpectationView(each["name"], each["verdict"], each["detail"]) for each in added)]
 
-    def metrics(self) -> list[dict[str, Any]]:
-        """Return the metrics of the summary with their values as texts, and the signal and window of each."""
-        results = self._results()
-        formats, entries = metric_formats(results), dict[str, dict[str, Any]]()
-        for result in results:
-            metric, style = result.metric, formats[result.metric.name]
+    def metrics(self, compared: Mapping[tuple[str, str], MetricOfRun]) -> list[dict[str, Any]]:
+        """Return the metrics by name and variant with their values as texts, and the signal and window of each."""
+        entries = dict[str, dict[str, Any]]()
+        for own in compared.values():
+            metric, style = own.result.metric, own.style
             begin, end = seconds(metric.window)
+            signal = ast.unparse(metric.signal.tree) if self._has(metric.signal) else ""
             entry = entries.setdefault(
                 metric.name,
                 {
                     "name": metric.name,
                     "description": metric.description,
                     "definition": f"{metric.reduce.replace('_', ' ')} of {metric.signal.text}{metric.window.text}",
-                    "signal": ast.unparse(metric.signal.tree) if self._has(metric.signal) else "",
+                    "signal": signal,
+                    "sources": self.analyzed(signal) if signal else [],
+                    "reduce": metric.reduce,
                     "begin": begin,
                     "end": end,
                     "unit": style.label,
@@ -134,14 +142,8 @@ class Verdicts:
                     "rows": [],
                 },
             )
-            paper = None if result.paper is None else style.number(result.paper)
-            value = style.number(result.mean, result.scale)
-            of_seeds = [number for number in result.values.values() if number is not None]
-            low, high = (style.number(edge(of_seeds), result.scale) if of_seeds else "" for edge in (min, max))
-            entry["rows"].append(
-                {"variant": result.variant, "verdict": result.verdict, "value": value, "reference": paper}
-                | {"range": f"{low} to {high}" if low != high else ""}
-            )
+            level = own.result.mean if metric.reduce in LEVELS else None
+            entry["rows"].append(own.row() | {"level": self._shown(metric.signal, level)})
         return list(entries.values())
 
     def _judged(
@@ -157,7 +159,8 @@ class Verdicts:
         if failure is not None:
             low, high = failure.low, failure.high
         begin, end = seconds(window)
-        spans = {} if failure is None else self._spans(failure)
+        inputs = [] if failure is None else self._inputs(failure)
+        spans = {} if failure is None else self._spans(*inputs[:1] or [failure])
         return ExpectationView(
             *summary,
             ast.unparse(signal.tree),
@@ -168,7 +171,18 @@ class Verdicts:
             expectation.variants,
             None if failure is None else spans,
             min((own[0][0] for own in spans.values() if expectation.signal), default=None),
+            tuple(ast.unparse(own.signal.tree) for own in inputs),
         )
+
+    def _inputs(self, failure: Violation) -> list[Violation]:
+        """Return where a failed metric of an analysis comes from, as the report does: its worst window of each recorded input."""
+        analyses = source_analyses(self.scenario.analyses if self.scenario else (), failure.signal)
+        inputs = [source for analysis in analyses for source in analysis.inputs.values() if self._has(source)]
+        try:
+            traced = trace_to_inputs(failure, analyses, self._tables([failure.signal, *inputs])) if inputs else []
+        except TwinError:  # the function of the analysis is not on this machine
+            return []
+        return [own for own in traced if own.span and self._has(own.signal)]
 
     def analyzed(self, signal: str) -> list[str]:
         """Return the recorded signals from which analyses compute a signal: a value of a window alone shows no cause."""

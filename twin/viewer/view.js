@@ -69,6 +69,9 @@ class Panes extends Chart {
     const line = super.legend(one, index), isUnfolded = this.unfolded.has(one.place);
     line.classList.toggle("unfolded", isUnfolded);
     line.append(button(isUnfolded ? "less" : `all ${one.curves.length}`, () => { if (!this.unfolded.delete(one.place)) this.unfolded.add(one.place); show(); }, { className: "more", title: isUnfolded ? "Show some of the names" : "Show all names" }));
+    if (one.hidden?.length) line.append(button(`${state.panes[one.place].plot ? "not in this plot" : "not judged here"}: ${one.hidden.join("; ")}`, () => { delete state.panes[one.place].variants; show(); }, { className: "hidden", title: "Show these variants, too" }));
+    const level = one.limits?.find(({ name }) => name);
+    if (level) line.append(element("span", `dashed: ${level.name} of each curve`, { className: "hidden" }));
     if (one.violations?.length) line.append(element("span", `red: fails ${one.violations.join("; ")}`, { className: "violations" }));
     line.append(menu(one.place));
     return line;

@@ -25,7 +25,7 @@ STATIC = Path(__file__).parent / "static"
 CHART = ("scale.js", "samples.js", "painter.js", "pointer.js", "chart.js")
 VIEWS = ("draw.js", "view_bench.js", "view_rig.js", "view_scene.js", "view_vessel.js", "views.js")
 IMPORT = re.compile(r"^import (\{.*?\}) from \"\./(\w+)\.js\";$", re.MULTILINE)
-COMMENT = re.compile(r"^ *(?://.*\n)?", re.MULTILINE)  # or indentation
+COMMENT = re.compile(r"^ *(?://.*\n)?| +// .*$", re.MULTILINE)  # also at the end of a line, or indentation
 EXPORT = re.compile(r"^export ((?:async )?(?:const|class|function) (\w+))", re.MULTILINE)
 
 
@@ -48,7 +48,7 @@ def wrap_module(file: Path) -> str:
 
 
 def replace_imports(text: str) -> str:
-    """Return a module's text with its imports from modules that are objects, without lines of comments and indentation."""
+    """Return a module's text with its imports from modules that are objects, without comments and indentation."""
     return IMPORT.sub(r"const \1 = \2_module;", COMMENT.sub("", text))
 
 

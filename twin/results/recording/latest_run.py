@@ -120,20 +120,26 @@ def find_results(path: Path, file: str, kind: str, example: str) -> Path:
     raise TwinError(f"{folder}: does not exist. {suggest_folders(folder, file)}")
 
 
-def suggest_folders(folder: Path, file: str) -> str:
-    """Return where a folder was looked for, and similar names there of folders that hold results with `file`."""
+def suggest_folders(folder: Path, file: str, *others: str) -> str:
+    """Return where a folder was looked for, and similar names there of folders that hold results with `file` or other files."""
     missing = next(item for item in [*reversed(folder.parents), folder] if not item.exists())
     parents = [missing.parent, *([ROOT] if len(missing.parts) == 1 else [])]
-    names = [item.name for parent in parents if parent.is_dir() for item in parent.iterdir() if has_results(item, file)]
+    names = [
+        item.name
+        for parent in parents
+        if parent.is_dir()
+        for item in parent.iterdir()
+        if has_results(item, file, *others)
+    ]
     if not names:
         return f"There are no {'runs' if file == SUMMARY else 'studies'} in {parents[-1].resolve()}."
     parents = [parent for parent in parents if parent.is_dir()]
     return f"Looked in {' and '.join(str(parent.resolve()) for parent in parents)}. {nearest(missing.name, names)}"
 
 
-def has_results(folder: Path, file: str) -> bool:
+def has_results(folder: Path, *files: str) -> bool:
     """Return whether a folder is a run or a study, or has one in it."""
-    return (folder / file).is_file() or any(folder.glob(f"*/{file}"))
+    return any((folder / file).is_file() or any(folder.glob(f"*/{file}")) for file in files)
 
 
 def link_latest(folder: Path) -> None:

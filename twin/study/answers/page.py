@@ -13,6 +13,7 @@ from twin.study.answers import clusters, plots, tables
 from twin.study.answers.paired import MIN_SAMPLES
 from twin.study.answers.sentences import (
     Sentence,
+    few_sentences,
     headline,
     holm_note,
     judged_metrics,
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from twin.study.execution.study_runner import StudyOutcome
 
 PAGE, ANSWERS = "report.html", "answers.json"
-CLICK = "Click it: what its case fails, and the command that opens the case"
+CLICK = "Click it for what the case fails, and the command that opens the case."
 EXAMPLES = 12  # numbers of cases that are named
 MAX_SCATTERS = 3  # factors over which a metric is drawn
 TITLES = {
@@ -106,6 +107,7 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
         worst=linked(worst_sentence(answers, outcome.worst), link(set(listed))) if outcome.worst else "",
         badge=lowest_pass_rate(answers),
         holm_note=holm_note(answers),
+        few="".join(sentence.text for sentence in few_sentences(answers)),
         percent=percent,
         parts=[percent(quantile) for quantile in study.keys.quantiles],
         link=link(set(listed)),
@@ -176,23 +178,28 @@ def pictures(outcome: StudyOutcome, answers: Answers) -> dict[str, list[Plot]]:
 
     for index, name in enumerate(study.bands):
         if (outcome.folder / case_table.BANDS).exists():
-            note = "line: median; areas: middle 50 % and 90 % of the cases, smallest to largest; red: beyond a limit"
-            add("Over time", f"{name} over time", note, plots.bands(outcome.folder, cases, name, index))
+            note = "Line: median; areas: middle 50 % and 90 % of the cases, smallest to largest"
+            if any(plots.expected(study, variant, name, np.zeros(1)) for variant in study.variants):
+                note += "; dashed: limit; red: beyond it"
+            for variant in study.variants:
+                if svg := plots.bands(outcome.folder, cases, name, variant, index):
+                    add("Over time", f"{variant}, {name} over time", f"{note}.", svg)
     if study.design.method != "one_at_a_time":
-        note = f"dotted: quantiles {', '.join(map(percent, study.keys.quantiles))}; dashed: limit; red: cases in which anything fails"
-        for spread in first_of(answers):
-            add(spread.metric, "Distribution", note, plots.histograms(cases, spread.metric, unit(spread.metric)))
+        note = f"Dotted: quantiles {', '.join(map(percent, study.keys.quantiles))}; dashed: limit; red: cases in which anything fails."
+        for metric in dict.fromkeys(spread.metric for spread in first_of(answers)):
+            for variant in study.variants:
+                if svg := plots.histogram(cases, metric, variant, unit(metric)):
+                    add(metric, f"{variant}, distribution", note, svg)
     if study.design.method not in ("one_at_a_time", "grid") and study.factors:
         for spread in first_of(answers)[:2]:
             metric = spread.metric
             variants = [item.variant for item in answers.spreads if item.metric == metric]
             for variant in variants:
                 for k in strongest(answers, metric, variant):
-                    note = f"a point is a case; red: something fails in it. {CLICK}"
+                    note = f"A point or a line is a case. {CLICK}"
                     svg = plots.scatter(cases, metric, variant, k, unit(metric))
                     add(metric, f"{variant}, over {study.factors[k].name}", note, svg)
             for variant in variants:
-                note = f"a line is a case, from its factors to the metric; red: something fails in it. {CLICK}"
                 add(
                     metric,
                     f"{variant}, over all factors",

@@ -121,37 +121,40 @@ def limits_of(study: Study, variant: str, metric: str) -> list[float]:
     return [limit for expectation in own for limit in (expectation.at_least, expectation.at_most) if limit is not None]
 
 
-def histograms(cases: CaseTable, metric: str, unit: str) -> str:
-    """Draw histograms of a metric, one row per variant; red: cases that fail in anything.
+def histogram(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
+    """Draw the histogram of a metric; red: cases that fail in anything.
 
-    The axis is common where the ranges of all variants overlap, else each variant has its own.
+    The axis is that of all variants where their ranges overlap, else the variant has its own.
     """
     study = cases.study
     factor, offset = si_conversion(unit, study.metrics[metric].is_difference)
     values, is_bad = (cases.metric(metric) - offset) / factor, np.array(failing(cases))
     case_indices = {variant: np.array(cases.where(SAMPLED, variant), int) for variant in study.variants}
     own = {variant: at for variant, every in case_indices.items() if len(at := every[np.isfinite(values[every])])}
-    if not own:
+    if variant not in own:
         return ""
     all_values = np.concatenate([values[at] for at in own.values()])
     is_common = max(values[at].min() for at in own.values()) <= min(values[at].max() for at in own.values())
 
     def paint(grid: Any) -> None:
-        for axis, (variant, at) in zip(grid[:, 0], own.items(), strict=True):
-            finite_values, bad = values[at], is_bad[at]
-            edges = bin_edges(all_values if is_common else finite_values)
-            kinds = [np.minimum(part, edges[-1]) for part in (finite_values[~bad], finite_values[bad])]
-            axis.hist(kinds, bins=edges, color=[GOOD, BAD], stacked=True)
-            for limit in limits_of(study, variant, metric):
-                axis.axvline((limit - offset) / factor, color=BAD, linewidth=1.0, linestyle=(0, (2, 1.5)))
-            for part in study.keys.quantiles:
-                axis.axvline(np.quantile(finite_values, part), color="#1f2933", linewidth=0.8, linestyle=":")
-            axis.set_title(variant if is_common else f"{variant}, axis of its own", fontsize=9)
-            axis.set_ylabel("cases")
-        grid[-1, 0].set_xlabel(plotting.axis_label(metric, unit))
+        axis, finite_values, bad = grid[0, 0], values[own[variant]], is_bad[own[variant]]
+        edges = bin_edges(all_values if is_common else finite_values)
+        kinds = [np.minimum(part, edges[-1]) for part in (finite_values[~bad], finite_values[bad])]
+        axis.hist(kinds, bins=edges, color=[GOOD, BAD], stacked=True)
+        limits = [(limit - offset) / factor for limit in limits_of(study, variant, metric)]
+        for limit in limits:
+            axis.axvline(limit, color=BAD, linewidth=1.0, linestyle=(0, (2, 1.5)))
+        for part in study.keys.quantiles:
+            axis.axvline(np.quantile(finite_values, part), color="#1f2933", linewidth=0.8, linestyle=":")
+        low, high = min([edges[0], *limits]), max([edges[-1], *limits])
+        axis.set_xlim(low - 0.04 * (high - low), high + 0.04 * (high - low))
+        axis.yaxis.get_major_locator().set_params(integer=True)
+        if not is_common:
+            axis.set_title("axis of its own", fontsize=9)
+        axis.set_ylabel("cases")
+        axis.set_xlabel(plotting.axis_label(metric, unit))
 
-    height = 0.6 + (1.35 if is_common else 1.55) * len(own)
-    return figure_files.render_svg((WIDTH, height), f"histogram {metric}", paint, nrows=len(own), sharex=is_common)
+    return figure_files.render_svg((WIDTH, 3.0), f"histogram {metric} {variant}", paint)
 
 
 def bin_edges(values: Array) -> Array:
@@ -161,8 +164,8 @@ def bin_edges(values: Array) -> Array:
     return np.linspace(low, high if high > low else low + abs(low) + 1e-12, bins + 1)
 
 
-def bands(folder: Path, cases: CaseTable, name: str, index: int) -> str:
-    """Median, quarters, 5 to 95 % and ends of a signal over all cases, over time."""
+def bands(folder: Path, cases: CaseTable, name: str, variant: str, index: int) -> str:
+    """Median, quarters, 5 to 95 % and ends of a signal over all cases of a variant, over time; one axis for all variants."""
     from pyarrow import parquet
 
     study = cases.study
@@ -172,10 +175,10 @@ def bands(folder: Path, cases: CaseTable, name: str, index: int) -> str:
     factor, offset = si_conversion(unit, dimension.is_difference(study.bands[name]))
     begin, every = study.scenario.start_ns * 1e-9, study.keys.keep.every * 1e-9
     own = {}
-    for variant in study.variants:
+    for other in study.variants:
         rows = [
             samples[cases.requests[i].number]
-            for i in cases.where(SAMPLED, variant)
+            for i in cases.where(SAMPLED, other)
             if cases.requests[i].number in samples
         ]
         sampled_rows = [
@@ -183,31 +186,31 @@ def bands(folder: Path, cases: CaseTable, name: str, index: int) -> str:
         ]
         if sampled_rows:
             shortest = min(map(len, sampled_rows))
-            own[variant] = np.stack([row[:shortest] for row in sampled_rows])
-    if not own:
+            own[other] = (np.stack([row[:shortest] for row in sampled_rows]) - offset) / factor
+    if variant not in own:
         return ""
 
     def paint(grid: Any) -> None:
-        for axis, (variant, curves) in zip(grid[:, 0], own.items(), strict=True):
-            ends = [np.quantile((curves - offset) / factor, part, axis=0) for part in BANDS]
-            time = begin + every * np.arange(curves.shape[1])
-            for k, part in ((0, 0.2), (1, 0.4), (2, 0.65)):
-                axis.fill_between(time, ends[k], ends[5 - k], color=tint(GOOD, part), linewidth=0)
-            axis.plot(time, np.median((curves - offset) / factor, axis=0), color="#1f2933", linewidth=0.8)
-            for limit, sign, inside in expected(study, variant, name, time):
-                height, outer = (limit - offset) / factor, ends[5 if sign > 0 else 0]
-                axis.plot(
-                    time[inside], np.full(inside.sum(), height), color=BAD, linewidth=1.0, linestyle=(0, (2, 1.5))
-                )
-                beyond = inside & (sign * (outer - height) > 0.0)
-                axis.fill_between(time, height, outer, where=beyond, color=tint(BAD, 0.6), linewidth=0)
-            axis.set_title(variant, fontsize=9)
-            axis.set_ylabel(plotting.axis_label(name, unit))
-        grid[-1, 0].set_xlabel("time [s]")
+        axis, curves = grid[0, 0], own[variant]
+        ends = [np.quantile(curves, part, axis=0) for part in BANDS]
+        time = begin + every * np.arange(curves.shape[1])
+        for k, part in ((0, 0.2), (1, 0.4), (2, 0.65)):
+            axis.fill_between(time, ends[k], ends[5 - k], color=tint(GOOD, part), linewidth=0)
+        axis.plot(time, np.median(curves, axis=0), color="#1f2933", linewidth=0.8)
+        heights = [float(min(map(np.nanmin, own.values()))), float(max(map(np.nanmax, own.values())))]
+        for limit, sign, inside in expected(study, variant, name, time):
+            height, outer = (limit - offset) / factor, ends[5 if sign > 0 else 0]
+            axis.plot(time[inside], np.full(inside.sum(), height), color=BAD, linewidth=1.0, linestyle=(0, (2, 1.5)))
+            beyond = inside & (sign * (outer - height) > 0.0)
+            axis.fill_between(time, height, outer, where=beyond, color=tint(BAD, 0.6), linewidth=0)
+            heights.append(height)
+        margin = 0.05 * (max(heights) - min(heights))
+        if margin > 0.0:
+            axis.set_ylim(min(heights) - margin, max(heights) + margin)
+        axis.set_ylabel(plotting.axis_label(name, unit))
+        axis.set_xlabel("time [s]")
 
-    return figure_files.render_svg(
-        (WIDTH, 0.6 + 1.6 * len(own)), f"bands {name} {index}", paint, nrows=len(own), sharex=True
-    )
+    return figure_files.render_svg((WIDTH, 2.6), f"bands {name} {variant} {index}", paint)
 
 
 def expected(study: Study, variant: str, name: str, time: Array) -> list[tuple[float, float, Array]]:

@@ -77,7 +77,7 @@ def pass_sentences(answers: Answers) -> list[Sentence]:
         rates = varying_rates(answers.cases, answers.shares)
         worst = max(filter(None, (worst_case(answers, rate) for rate in rates)), default=None)
         closest = f"; closest to its limit: case {worst.number}, {worst.text}" if worst else ""
-        unit = "samples" if len(answers.study.variants) > 1 else "cases"
+        unit = sample_word(answers)
         text = f"{requirements.capitalize()} in each of {count} {unit}{closest}."
         return [Sentence(text, worst.number if worst else None)]
     is_sampled, sentences = answers.study.design.method not in ("one_at_a_time", "grid"), list[Sentence]()
@@ -89,14 +89,20 @@ def pass_sentences(answers: Answers) -> list[Sentence]:
             share += f"; {percent(answers.study.keys.confidence)} confidence interval {interval}"
         elif is_sampled and not sentences:
             share += "; no confidence interval, the cases are not independent samples"
-        unit = "samples" if is_order else "cases"
+        unit = "samples" if is_order else sample_word(answers)
         text = f"{rate.met_count} of {rate.count} {unit} ({share}) pass {rate.name!r}{variant}"
         worst = worst_case(answers, rate)
         if worst and worst.number in rate.failing:
-            sentences.append(Sentence(f"{text}; the worst is case {worst.number}, {worst.text}.", worst.number))
+            of = f" of {answers.study.count}" if worst.number > rate.count else ""
+            sentences.append(Sentence(f"{text}; the worst is case {worst.number}{of}, {worst.text}.", worst.number))
         else:  # an order of variants, or only cases that did not finish
             sentences.append(Sentence(f"{text}; one that fails is case {rate.failing[0]}.", rate.failing[0]))
     return sentences
+
+
+def sample_word(answers: Answers) -> str:
+    """Return what a pass rate of a variant counts: samples, or cases where each sample has several seeds."""
+    return "cases" if len(answers.study.seeds(1)) > 1 else "samples"
 
 
 class WorstInLimit(NamedTuple):

@@ -78,12 +78,12 @@ class ProgressReporter:
 
 
 def progress_text(progress: StudyProgress) -> str:
-    """Return `713 of 4000 cases, 6 min left; failures so far: 14 (2 did not finish)`, with the name of a search before it."""
+    """Return `713 of 4000 cases, 6 min left; 14 fail a requirement, 2 did not finish`, with the name of a search before it."""
     text = f"{SEARCHES.get(progress.part.partition(' ')[0], '')}{progress.done} of {progress.count} cases"
     if progress.done < progress.count and math.isfinite(progress.left):
         text += f", {duration_text(progress.left)} left"
-    text += f"; failures so far: {progress.missed + progress.failed}"
-    text += f" ({progress.failed} did not finish)" * bool(progress.failed)
+    text += f"; {progress.missed} fail{'s' * (progress.missed == 1)} a requirement"
+    text += f", {progress.failed} did not finish" * bool(progress.failed)
     return text + "; tables and report follow" * (progress.done >= progress.count)
 
 

@@ -57,6 +57,7 @@ class StudyOutcome:
     runs: dict[int, str] = field(default_factory=dict)  # number of a case -> its folder, as from the study's
     before: int = 0  # cases that were done when it went on
     engine: str = ""  # what ran the cases
+    seconds_before: float = 0.0  # of the commands that it continues; `seconds`: of this one, at its end with the report
 
 
 class ReportSoFar:
@@ -150,6 +151,7 @@ def run_study(
             study, folder, case_table.finished_cases(study, [], journal), "completed", 0.0, engine=engine
         )
         outcome.before, requests = len(journal.rows), list[StudyRequest]()
+        outcome.seconds_before = manifest_data.get("seconds", 0.0)
         outcome.runs = {
             int(number): run for number, run in manifest_data.get("runs", {}).items() if (folder / run).is_dir()
         }
@@ -172,6 +174,9 @@ def run_study(
         outcome.cases = case_table.finished_cases(study, requests or list(study.requests()), journal)
         outcome.seconds = time.perf_counter() - start_time
         finish(outcome, journal, {**manifest_data, **progress_entries(outcome)}, build, stop, report)
+        outcome.seconds = time.perf_counter() - start_time
+        seconds = outcome.seconds_before + outcome.seconds
+        manifest.write(folder, **{**manifest.read(folder), "seconds": seconds})
         link_latest(folder)
         if outcome.status == "completed":  # else it goes on from there
             (folder / JOURNAL).unlink()
@@ -209,7 +214,7 @@ def prepare_folder(study: Study, root: Path, resume: Path | None, command: str) 
     if resume is not None:
         folder = resume
         stored = manifest.refuse_changed(folder, manifest_data["inputs"])
-        manifest_data |= {"started": stored["started"], "runs": stored.get("runs", {})}
+        manifest_data |= {key: stored[key] for key in ("started", "runs", "seconds") if key in stored}
     else:
         folder = run_folder.make_run_folder(root, study.name)
         write_text(folder / COPY, study.path.read_text(encoding="utf-8"))
@@ -326,7 +331,7 @@ def progress_entries(outcome: StudyOutcome) -> dict[str, Any]:
         "status": outcome.status,
         "done": len(rows),
         "failed": sum(row.status != DONE for row in rows),
-        "seconds": outcome.seconds,
+        "seconds": outcome.seconds_before + outcome.seconds,
         "engine": outcome.engine,
     }
 

@@ -10,7 +10,7 @@
 //   notify: (event, detail): "window" {from, to, follow, span, all}, "cursors" {a, b}, "time" {at}, "drop" {name, pane}, "remove" {name, pane},
 //           "weights" {weights}, "range" {pane, range, domain}, "dim" {names}, "drawn"
 // Drag: zoom in, along the vertical axis too. Shift-drag: move. Wheel: zoom time or frequency at the pointer (of x-y plots both axes), over the numbers of a vertical axis along that.
-// Double-click: all, or follow again. Pointer: values of the nearest samples. Click: cursor A; shift-click or the next click: cursor B; a third
+// Double-click: all, or follow again. Pointer: values of the nearest samples. Click: cursor t1; shift-click or the next click: cursor t2; a third
 // moves the nearer one; a click on a cursor removes it. Cursors snap to samples; cursors, the time cursor and the borders of panes are dragged.
 // A click on a name of the legend dims its curve.
 

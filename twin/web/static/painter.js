@@ -66,7 +66,7 @@ function limited(faint, curves) {
   return size < 1e-9 ? faint : faint.map(({ x, y }) => ({ x, y: y.map((value) => Math.min(Math.max(value, low - size), high + size)) }));
 }
 
-const references = (pane) => [...(pane.band || []).map((y) => ({ y, name: "band" })), ...(pane.lines || []).map((y) => ({ y, name: "line" })), ...(pane.limits || []).map((one) => ({ ...one, name: "limit" }))];
+const references = (pane) => [...(pane.band || []).map((y) => ({ y, name: "band" })), ...(pane.lines || []).map((y) => ({ y, name: "line" })), ...(pane.limits || []).map((one) => ({ name: "limit", ...one }))];
 
 function drawPane(chart, context, pane, box) {
   const of = (name) => chart.data[name] || NOTHING, curves = pane.curves.map((curve) => of(curve.name));
@@ -96,11 +96,15 @@ function drawPane(chart, context, pane, box) {
   context.globalAlpha = 1; context.lineWidth = 1.4;
   context.setLineDash([4, 3]);
   for (const one of pane.limits || []) {
-    context.strokeStyle = one.failed ? chart.colors.fail : chart.colors.accent;
+    context.strokeStyle = one.color !== undefined ? chart.colors.lines[one.color % 8] : one.failed ? chart.colors.fail : chart.colors.accent;
     line(context, box.across(Math.max(one.from, box.from)), box.down(one.y), box.across(Math.min(one.to, box.to)), box.down(one.y));
   }
   context.restore();
   drawBeyond(chart, context, pane, box);
+  if (chart.frames && pane.curves.length && !pane.curves.some(({ name }) => chart.data[name])) {
+    context.fillStyle = chart.colors.text; context.textAlign = "center"; context.textBaseline = "middle";
+    context.fillText("Loading ...", chart.width / 2, box.top + box.height / 2);
+  }
 }
 
 // names and values of the references above and below the vertical axis, at its edges
@@ -177,7 +181,7 @@ function drawOverlays(chart, context, box) {
     context.strokeStyle = context.fillStyle = colors.ink;
     context.lineWidth = 1; line(context, at, box.top, at, bottom);
     context.textAlign = "left";
-    context.fillText("AB"[k], at + 3, bottom - 12);
+    context.fillText(`t${k + 1}`, at + 3, bottom - 12);
   });
   if (chart.time !== null) {
     const at = box.across(chart.time);
@@ -201,7 +205,7 @@ function drawZoom(chart, context, pane, box, index) {
 
 // of curves over another quantity: their points at the cursors, at the time cursor and at the time under the pointer
 function drawInstants(chart, context, pane, box) {
-  const { colors, hover } = chart, named = chart.cursors.map((time, k) => [time, colors.ink, "AB"[k]]);
+  const { colors, hover } = chart, named = chart.cursors.map((time, k) => [time, colors.ink, `t${k + 1}`]);
   if (chart.time !== null) named.push([chart.time, colors.accent, ""]);
   if (hover && hover.at !== null && chart.panes[hover.pane] !== pane) named.push([hover.at, null, ""]);
   context.textBaseline = "bottom"; context.textAlign = "left"; context.lineWidth = 2;
