@@ -120,7 +120,7 @@ class PaneBuilder:
                     spans += [
                         span for case, points in recorded.items() for span in self.violating_spans(curve, case, points)
                     ]
-        pane = {"title": "", "unit": units.shown(plot.unit), "curves": curves}
+        pane: dict[str, Any] = {"title": "", "unit": units.shown(plot.unit), "curves": curves}
         if len(self.names) == 1:
             (case, *others) = selected
             title = f"{case[0]}, seed {case[1]}" if others else case[0]

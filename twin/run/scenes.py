@@ -128,11 +128,10 @@ def report_scenes(
     stills = []
     for title, cases in animations.items():
         starts = [violation.start for violation in sorted(violations, key=lambda each: bool(each.reduce))]
-        case, instant = next(iter(starts), (None, None))
-        cases.sort(key=lambda found: names[found[1]] != case)
+        cases.sort(key=lambda found: names[found[1]] != starts[0][0] if starts else False)
         for _, name, frames in cases[:1]:
-            middle = (frames.time[0] + frames.time[-1]) / 2
-            at = instant if instant is not None and names[name] == case else middle
+            instant = starts[0][1] if starts and names[name] == starts[0][0] else None
+            at = (frames.time[0] + frames.time[-1]) / 2 if instant is None else instant
             svg = picture.figure_svg(picture.scene_figure(frames, at=at), title)
             stills.append(ReportFigure(title, svg, name, is_scene=True))
     return ReportScenes(films, stills, len(filmed) - len(shown))

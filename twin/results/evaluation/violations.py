@@ -150,9 +150,9 @@ def signal_violation(expectation: Expectation, tables: Tables) -> Violation | No
 
 
 def worst_seeds_first(tables: Tables, violations: Iterable[Violation]) -> Tables:
-    """Return the tables with the seed first in each variant in which its first violation is worst: what reports show of it."""
+    """Return the tables with the seed first in each variant that reports show: the worst of its first violation, of samples first."""
     seeds: dict[str, int] = {}
-    for violation in violations:
+    for violation in sorted(violations, key=lambda each: (bool(each.reduce), each.over_time)):
         for variant, seed in violation.worst or violation.cases:
             seeds.setdefault(variant, seed)
     variants = list(dict.fromkeys(variant for variant, _ in tables))
