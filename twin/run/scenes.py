@@ -128,7 +128,7 @@ def report_scenes(
     stills = []
     for title, cases in animations.items():
         starts = [violation.start for violation in sorted(violations, key=lambda each: bool(each.reduce))]
-        cases.sort(key=lambda found: names[found[1]] != starts[0][0] if starts else False)
+        cases.sort(key=lambda entry: names[entry[1]] != starts[0][0] if starts else False)
         for _, name, frames in cases[:1]:
             instant = starts[0][1] if starts and names[name] == starts[0][0] else None
             at = (frames.time[0] + frames.time[-1]) / 2 if instant is None else instant
