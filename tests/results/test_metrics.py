@@ -188,18 +188,28 @@ def test_a_metric_of_some_variants() -> None:
 
 
 def test_a_failure_is_one_line_and_the_rest_is_apart() -> None:
-    """In the line all variants and seeds are words; samples of the first case, and long lists of cases, are left out."""
+    """The worst sample with its time and case, then the first violation; the worst of each run is left out."""
     force = expression.parse("a.force")
     (found,) = evaluate(
         {}, [Expectation("safe", signal=force, at_most=0.1, unit="N")], tables(1.0, 0.5)
     ).expectation_results
-    assert found.detail == "0.255 N, expected at most 0.1 N; first at 0 s; all variants, all seeds."
-    assert found.more == "a.force is 0.25 N at 1.57 s in A, seed 0."
+    assert found.detail == (
+        "0.255 N at 1.57 s in A, seed 1, expected at most 0.1 N; first at 0 s in A, seed 0; fails in all variants, all seeds."
+    )
+    assert found.more.startswith(
+        "Judged: a.force. Worst of each run: 0.25 N at 1.57 s in A, seed 0; 0.255 N at 1.57 s in A,"
+    )
     cases = {(name, seed): signals(1.0 + 0.1 * (ord(name) - 64 == seed)) for name in "ABC" for seed in (1, 2, 3)}
     limit = Expectation("safe", signal=force, at_most=0.252, variants=("A", "B", "C"), unit="N")
     (found,) = evaluate({}, [limit], cases | {("D", 1): signals()}).expectation_results
-    assert found.detail == "0.255 N, expected at most 0.252 N; first at 1.24 s; 3 of 10 runs."
-    assert found.more.endswith("Fails in A, seed 1; B, seed 2; C, seed 3. Judged in 3 of 4 variants, all but D.")
+    assert (
+        found.detail
+        == "0.255 N at 1.57 s in A, seed 1, expected at most 0.252 N; first at 1.24 s; fails in 3 of 10 runs."
+    )
+    assert "; 0.255 N at 1.57 s in C, seed 3. Judged in 3 of 4 variants, all but D." in found.more
+    fifty = {("A", seed): signals(1.1) for seed in range(7)} | {("B", 1): signals()}
+    (found,) = evaluate({}, [limit], fifty).expectation_results
+    assert (found.detail.rpartition("; ")[2], "Worst" in found.more) == ("fails in A, all seeds.", False)
 
 
 def test_what_did_not_finish_is_left_out() -> None:
@@ -217,16 +227,16 @@ def test_what_did_not_finish_is_left_out() -> None:
         (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.51), "fail", "A 0.03495 N is not 51 % above B 0.01748 N; all seeds."),
         (Expectation("", metric="m", ordered=("A", "B"), margin=0.53 * STD), "fail", "A 0.03495 N is not 0.01764 N above B 0.01748 N; seed 0."),
         (Expectation("", metric="m", ordered=("A", "X")), "skipped", "Not judged: an order needs at least two of A and X; only A has m in this run."),
-        (Expectation("", metric="m", at_most=0.035), "fail", f"{format_value(1.1 * STD, 'N')}; A, seed 1."),
+        (Expectation("", metric="m", at_most=0.035), "fail", f"{format_value(1.1 * STD, 'N')} in A, seed 1."),
         (Expectation("", metric="m", at_most=0.035, variants=("B",)), "pass", f"m was {format_value(0.5 * STD, 'N')} to {format_value(0.55 * STD, 'N')}; expected at most"),
         (Expectation("", metric="m", at_most=1.06 * STD, variants=("A",), mean=True), "pass", f"m was {format_value(1.05 * STD, 'N')}; expected"),
-        (Expectation("named", metric="m", at_most=0.03, variants=("A",), mean=True), "fail", f"{format_value(1.05 * STD, 'N')}, expected at most 0.03 N."),
-        (Expectation("", metric="m", at_least=1.0), "fail", f"worst seed {format_value(0.1 * STD, 'N')}; all variants, all seeds."),
-        (Expectation("named", metric="m", at_most=1.06 * STD), "fail", f"{format_value(1.1 * STD, 'N')}, expected at most {format_value(1.06 * STD, 'N')}; A, seed 1."),
+        (Expectation("named", metric="m", at_most=0.03, variants=("A",), mean=True), "fail", f"{format_value(1.05 * STD, 'N')}, the mean of all runs, expected at most 0.03 N."),
+        (Expectation("", metric="m", at_least=1.0), "fail", f"{format_value(0.1 * STD, 'N')} in C, seed 0; fails in all variants, all seeds."),
+        (Expectation("named", metric="m", at_most=1.06 * STD), "fail", f"{format_value(1.1 * STD, 'N')} in A, seed 1, expected at most {format_value(1.06 * STD, 'N')}."),
         (Expectation("", signal=expression.parse("a.force"), at_least=0.1, at_most=0.3), "pass", "a.force was 0.145 N to 0.255 N"),
-        (Expectation("", signal=expression.parse("a.force"), at_least=0.1, at_most=0.25), "fail", "0.255 N; first at 1.15 s; A, seed 1."),
+        (Expectation("", signal=expression.parse("a.force"), at_least=0.1, at_most=0.25), "fail", "0.255 N at 1.57 s in A, seed 1; first at 1.15 s."),
         (Expectation("named", signal=expression.parse("a.force"), at_least=0.16, at_most=0.24), "fail",
-         "0.145 N to 0.255 N, expected 0.16 N to 0.24 N; first at 0.82 s; A, all seeds."),
+         "0.145 N at 4.71 s and 0.255 N at 1.57 s in A, seed 1, expected 0.16 N to 0.24 N; first at 0.82 s; fails in A, all seeds."),
         (Expectation("", signal=expression.parse("a.nothing"), at_least=0.1), "skipped", "Not judged: this run has no complete case with a.nothing."),
     ],
 )  # fmt: skip
@@ -338,7 +348,7 @@ def test_what_is_not_finite_passes_no_limit(limits: dict[str, float], value: flo
         {("A", 1): Signals(TIME, {"a.force": force})},
     ).expectation_results
     assert outcome.verdict == "fail"
-    assert outcome.detail == f"{'not a number' if np.isnan(value) else value}; first at 3 s."
+    assert outcome.detail == f"{'not a number' if np.isnan(value) else value} at 3 s."
 
 
 def test_shown() -> None:

@@ -37,6 +37,9 @@ metrics: {reach: {signal: heart.position, reduce: max, unit: mm}}
         ("{other} alone", ""),
         ("Off by {error[PI]}; with both {error[PI+FF]}. Alone {other}.", "Off by 35.7 mN."),
         ("Folded\n  lines {error}\n", "Folded lines 35.7 mN"),
+        ("From {error[PI].min} to at most {error[PI].max}.", "From 35.6 mN to at most 35.8 mN."),
+        ("Deviation: {other} by hand; {error} with PI; {error[PI+FF]} with both.", "Deviation: 35.7 mN with PI."),
+        ("Deviation: {other}.", ""),
     ],
 )
 def test_values_are_filled_in(text: str, filled: str) -> None:

@@ -81,7 +81,9 @@ def test_every_sample_of_a_signal() -> None:
         "N",
         -1.0,
         2.0,
+        worst={("PI", 1): 2.0},
     )
+    assert found.start == (("PI", 1), 2.0)
     assert found.variants == ("PI",)
     assert found.limits == [-1.0, 2.0]
     assert not found.over_time

@@ -58,7 +58,7 @@ def test_table_is_plain_text_within_100_columns() -> None:
     mean, worst = f"{np.mean(std):.1f}", f"{max(std):.1f}"
     assert row.split() == ["PI+FF", "100", "mN", mean, "mN", worst, "mN", "0.14", "±", "20", "%", "FAIL"]
     assert any(line.startswith("pass    error_std: PI ") and line.endswith(f"> PI+FF {mean} mN.") for line in lines)
-    assert any(line.startswith("FAIL    stays <in> band: 0.25 N, expected") for line in lines)
+    assert any(line.startswith("FAIL    stays <in> band: 0.25 N at 3.07 s in PI, seed 2, expected") for line in lines)
     assert "other settings" in text(judged(applies=False))
     assert "paper" not in text(evaluate({"m": Metric("m", FORCE, "mean")}, [], tables()))
     assert not text(Evaluation()).strip()
@@ -145,7 +145,9 @@ def test_what_passes_and_what_was_not_judged_is_counted() -> None:
     other = Expectation("of another variant", signal=FORCE, at_least=0.1, variants=("PI+BW",))
     lines = compact({"error_std": METRIC}, [ORDER, LIMIT, other, Expectation("low", signal=FORCE, at_most=9.0)])
     verdicts = lines[[line[0] for line in lines].index("FAIL") :]
-    assert " ".join(verdicts[0]).startswith("FAIL stays <in> band: 0.25 N, expected 0.1 N to 0.22 N; first at")
+    assert " ".join(verdicts[0]).startswith(
+        "FAIL stays <in> band: 0.25 N at 3.07 s in PI, seed 2, expected 0.1 N to 0.22"
+    )
     rest = [" ".join(line) for line in verdicts if line[0] in ("skipped", "pass")]
     assert rest == [
         'skipped 1 requirement (--verbose says why): "of another variant".',
@@ -263,7 +265,9 @@ def test_the_first_screen_answers() -> None:
         assert text in head
     verdicts = html[html.index('id="requirements"') : html.index('id="figures"')]
     assert html.index("</header>") < html.index('id="requirements"')
-    assert verdicts.index("<b>stays &lt;in&gt; band</b>: 0.25 N") < verdicts.index("<summary>1 passed</summary>")
+    assert verdicts.index("<b>stays &lt;in&gt; band</b>: 0.25 N") < verdicts.index(
+        "<summary>1 passed, and 1 of the paper's values within their tolerance ("
+    )
 
 
 def test_one_variant_has_no_column_and_what_is_not_judged_is_folded() -> None:

@@ -11,10 +11,8 @@ from twin.run.report_plots import ReportFigure
 from twin.web import PackedArrays
 
 
-def figure(*violations, panels=(), points=0):
-    return ReportFigure(
-        "title", "<svg/>", panels=panels, marks=["mark"] if panels else (), points=points, violations=violations
-    )
+def figure(*violations, panels=()):
+    return ReportFigure("title", "<svg/>", panels=panels, marks=["mark"] if panels else (), violations=violations)
 
 
 def test_failures_lead_to_the_first_plot_that_shows_them(monkeypatch):
@@ -64,24 +62,22 @@ def test_members_with_set_parameters_come_first():
 
 
 @pytest.mark.parametrize(
-    ("figures", "films", "has_script", "panels", "parts"),
+    ("figures", "films", "has_script", "panels"),
     [
-        ([], [], False, "{}", "0"),
-        ([figure(points=9)], [], False, "{}", "4"),
+        ([], [], False, "{}"),
+        ([figure()], [], False, "{}"),
         (
-            [figure(), figure(panels=[[1]], points=2002)],
+            [figure(), figure(panels=[[1]])],
             [],
             True,
             '{"plot-2": {"panels": [[1]], "marks": ["mark"]}}',
-            "1,001",
         ),
-        ([], [{"name": "film"}], True, "{}", "0"),
+        ([], [{"name": "film"}], True, "{}"),
     ],
 )
-def test_scripts_are_there_where_something_needs_them(monkeypatch, figures, films, has_script, panels, parts):
+def test_scripts_are_there_where_something_needs_them(monkeypatch, figures, films, has_script, panels):
     monkeypatch.setattr(report_page, "embed_json", json.dumps)
     monkeypatch.setattr(report_page, "chart_script", lambda files, views: files[-1].name * views)
     found = page_scripts(figures, films, PackedArrays())
     assert (found["script"], bool(found["player_style"])) == ("report.js" * has_script, bool(films))
     assert (found["panels"], found["names"]) == (panels, ["film"] * bool(films))
-    assert f"of each of {parts} parts of the recording" in found["rule"]

@@ -105,7 +105,7 @@ def test_scenes_of_a_report(run, monkeypatch):
         "film_data",
         lambda frames, most, times: times_of.append(times) or sizes.append((frames.title, most)) or {"film": 1},
     )
-    monkeypatch.setattr(scenes.picture, "scene_figure", lambda *words: figures.append(words[1:]) or "figure")
+    monkeypatch.setattr(scenes.picture, "scene_figure", lambda _, at: figures.append(at) or "figure")
     monkeypatch.setattr(scenes.picture, "figure_svg", lambda figure, title: f"{figure} of {title}")
     folder = run()
     every = lint(folder / "scenario.yaml", imports=False)[0].scenes
@@ -119,7 +119,7 @@ def test_scenes_of_a_report(run, monkeypatch):
         ("Near", "figure of Near", True),
         ("Far", "figure of Far", True),
     ]
-    assert figures == [("", scenes.REPORT_INSTANTS)] * 2
+    assert figures == [TIME[-1] / 2] * 2
     alone = scenes.report_scenes(every[:1], tables(folder))
     assert [film["name"] for film in alone.films] == ["PI, seed 2", "PI+FF, seed 2"]
     monkeypatch.setattr(scenes, "MAX_FILMS", 2)
@@ -130,7 +130,7 @@ def test_scenes_of_a_report(run, monkeypatch):
     assert [film["name"] for film in scenes.report_scenes(every, one_case).films] == ["Near", "Far"]
     assert [film["name"] for film in scenes.report_scenes(every[:1], one_case).films] == ["Near"]
     monkeypatch.setattr(scenes, "MAX_FILMS", 8)
-    late = SimpleNamespace(first=(("PI+FF", 1), 0.5))
+    late = SimpleNamespace(start=(("PI+FF", 1), 0.5), reduce="")
     failing = scenes.report_scenes(every[:1], tables(folder), violations=[late])
     assert [film["name"] for film in failing.films] == ["PI, seed 2", "PI+FF, seed 2", "PI+FF, seed 1"]
     assert sizes[-1] == ("Near", scenes.MAX_VALUES // 3)

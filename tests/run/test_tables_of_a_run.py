@@ -197,12 +197,16 @@ def test_a_matrix_has_failures_first() -> None:
     evaluation, violations = two_variants()
     found = build_matrix(evaluation, violations)
     assert found.columns == (
-        ("last", "mN", "final of a.force, from 1 s"),
-        ("mean", "mN", "mean force: mean of a.force"),
+        ("last", "mN", "", "final of a.force, from 1 s"),
+        ("mean", "mN", "mean force", "mean of a.force"),
     )
     assert found.rows == (
-        MatrixRow("FF", (MatrixCell("60", "50", 60.0, "fail"), MatrixCell("60", "", 60.0, "fail")), ("small", "last")),
-        MatrixRow("PI", (MatrixCell(), MatrixCell("30", "", 30.0, "info")), ()),
+        MatrixRow(
+            "FF",
+            (MatrixCell("60", ("paper 50", "ratio 1.20"), 60.0, "fail"), MatrixCell("60", (), 60.0, "fail")),
+            ("small", "last"),
+        ),
+        MatrixRow("PI", (MatrixCell(), MatrixCell("30", (), 30.0, "info")), ()),
     )
     assert not found.is_large
     assert type(found)((), found.rows * 3).is_large
@@ -210,11 +214,26 @@ def test_a_matrix_has_failures_first() -> None:
     assert not type(found)((), (found.rows * 3)[:4]).is_large
 
 
+def test_a_code_has_its_name_and_the_worst_seed_is_below_the_mean() -> None:
+    metrics = {
+        "state": Metric("state", FORCE, "final", codes={8: "done"}),
+        "mean": Metric("mean", expression.parse("2 * a.force"), "mean", unit="N"),
+    }
+    values = {seed: np.array([1.0, last]) for seed, last in ((1, 8.0), (2, 8.0), (3, 8.5))}
+    tables = {("PI", seed): Signals(np.arange(2.0), {"a.force": y}, {"a.force": "N"}) for seed, y in values.items()}
+    evaluation = evaluate(metrics, [], {case: tables[case] for case in list(tables)[:2]})
+    found = build_matrix(evaluation, [])
+    assert ([cell.text for cell in found.rows[0].cells], found.is_wide) == (["8 done", "9"], True)
+    assert report.metric_rows(evaluation.metric_results)[0]["mean"] == "8 done"
+    (row,) = build_matrix(evaluate(metrics, [], tables), []).rows
+    assert [cell.notes for cell in row.cells] == [("worst 8.500",), ("worst 9.500",)]
+
+
 def test_a_matrix_has_metrics_with_a_reference_before_others() -> None:
     metrics = {name: Metric(name, FORCE, "mean", paper={"PI": 1.0} if name == "b" else {}) for name in "abc"}
     tables = {("PI", 1): Signals(np.arange(2.0), {"a.force": np.ones(2)}, {"a.force": "N"})}
     found = build_matrix(evaluate(metrics, [], tables), [])
-    assert [name for name, _, _ in found.columns] == ["b", "a", "c"]
+    assert [name for name, *_ in found.columns] == ["b", "a", "c"]
 
 
 def values_that_are(text: str) -> dict[tuple[str, int], Signals]:
@@ -225,7 +244,7 @@ def values_that_are(text: str) -> dict[tuple[str, int], Signals]:
 def test_lines_of_failures() -> None:
     evaluation, _ = two_variants()
     assert [(one.name, one.detail, one.more) for one in report.list_failures(evaluation)] == [
-        ("small", "60 mN, expected at most 40 mN; FF.", "mean is 60 mN in FF, seed 1."),
+        ("small", "60 mN in FF, expected at most 40 mN.", "Judged: mean."),
         ("last, FF", "60 mN, the paper: 50 mN ± 10 %.", ""),
     ]
     nothing = evaluate({"m": Metric("m", FORCE, "mean", paper={"PI": 1.0, "FF": 1.0})}, [], values_that_are("nan"))
@@ -379,7 +398,8 @@ def test_panes_of_a_plot() -> None:
         return report_curves.plot_charts(plot, tables, violations, arrays, 400), arrays
 
     (panes,), _ = charts(3, band=(0.5, 1.0), lines=(2.0,))
-    assert [pane["title"] for pane in panes] == ["v0", "v1", "v2"]
+    assert [pane["title"] for pane in panes] == ["v0, seed 1", "v1, seed 1", "v2, seed 1"]
+    assert [pane["case"] for pane in panes] == [("v0", 1), ("v1", 1), ("v2", 1)]
     assert [pane["unit"] for pane in panes] == ["mN"] * 3
     assert panes[0]["lines"] == [2000.0]
     assert [pane["range"] for pane in panes] == [pytest.approx([-300.0, 5300.0])] * 3  # of all variants
@@ -392,4 +412,4 @@ def test_panes_of_a_plot() -> None:
     assert [len(chart) for chart in charts(9)[0]] == [5, 4]
     assert charts(2, points=True)[0] == []
     (single,), _ = charts(1)
-    assert single[0]["title"] == ""
+    assert single[0]["title"] == "v0, seed 1"

@@ -281,7 +281,7 @@ def test_the_read_out_shows_the_range_of_the_seeds(seeds_page):
         seeds_page.page.locator(".twin-hover").wait_for()
         title, *rows = seeds_page.page.locator(".twin-hover").inner_text().splitlines()
         own = force[np.argmin(np.abs(time - float(title.split()[0])))]
-        shown = re.search(r"(\S+) N \((\S+) to (\S+)\)", " ".join(rows))
+        shown = re.search(r"(\S+) N \(seeds (\S+) to (\S+)\)", " ".join(rows))
         values = [float(text.replace(MINUS, "-")) for text in shown.groups()]
         assert values == pytest.approx([2.0 * own, min(own, 3.0 * own), max(own, 3.0 * own)], abs=0.02)
         assert "±" not in title  # every sample is drawn
@@ -305,7 +305,7 @@ def test_the_pointer_reads_exact_samples_and_the_bracket_is_of_seeds(browser, tm
     distance = float(re.fullmatch(r"\S+ s, within (\S+) ms", first)[1])
     assert 0.05 < distance < 10.0
     _, *rows = page.page.locator(".twin-hover").inner_text().splitlines()
-    values = [float(text) for text in re.search(r"(\S+) N \((\S+) to (\S+)\)", " ".join(rows)).groups()]
+    values = [float(text) for text in re.search(r"(\S+) N \(seeds (\S+) to (\S+)\)", " ".join(rows)).groups()]
     near = np.abs(time - float(re.fullmatch(r"(\S+) s", title)[1])) <= 1.01e-4  # the time has four digits
     samples = np.array([forces.mean(axis=0), forces.min(axis=0), forces.max(axis=0)])[:, near]
     assert np.abs(samples.T - values).max(axis=1).min() < 0.01

@@ -34,6 +34,7 @@ from .evaluation.sentence import fill_sentence as fill_sentence
 from .evaluation.violations import Violation as Violation
 from .evaluation.violations import consecutive_spans as consecutive_spans
 from .evaluation.violations import find_violations as find_violations
+from .evaluation.violations import worst_seeds_first as worst_seeds_first
 from .exporters import export as export
 from .metric_table import MetricTable as MetricTable
 from .plot_annotations import EventLine as EventLine

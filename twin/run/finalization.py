@@ -10,7 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from twin.errors import SimulationError
-from twin.results import Journal, evaluate, fill_sentence, find_violations, link_latest
+from twin.results import Journal, evaluate, fill_sentence, find_violations, link_latest, worst_seeds_first
 from twin.results import run_folder as results
 from twin.run.cases import Hardware, RunResult, add_notes
 from twin.run.conditions import OCCURRENCES, condition_notes
@@ -124,6 +124,7 @@ def write_summary_and_report(
 
         distinct = list({case.variant: case for case in cases}.values())
         views = variant_views(result.scenario, distinct, result.catalogs, result.tables)
+        violations = find_violations(result.scenario.expectations, result.evaluation, result.tables)
         text = report_page.report_html(
             result.summary,
             result.evaluation,
@@ -132,10 +133,7 @@ def write_summary_and_report(
             parameters=parameter_rows(distinct, result.catalogs, str(result.scenario.path)),
             events=event_rows(distinct, result.summary.get(OCCURRENCES, ())),
             scenes=scenes.report_scenes(
-                result.scenario.scenes,
-                result.tables,
-                views,
-                find_violations(result.scenario.expectations, result.evaluation, result.tables),
+                result.scenario.scenes, worst_seeds_first(result.tables, violations), views, violations
             ),
             pictures=pictures,
             terminations=result.terminations,

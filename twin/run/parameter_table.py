@@ -69,7 +69,9 @@ def parameter_rows(
                 source = sources.get(name, "")
                 if setter:
                     defaults[member, name] = default = " ".join(shown_value(variable.start, variable)).rstrip()
-                    parts = [f"default {default}"] * bool(default) + [source] * bool(source)
+                    parts = [f"default {default}"] * bool(default) + [source.removeprefix(f"{default}: ")] * bool(
+                        source
+                    )
                     source = "; ".join([f"set by {setter}", *[": ".join(parts)] * bool(parts)])
                 key = (*shown_value(value, variable), source, bool(setter))
                 variants_of.setdefault((member, name), {}).setdefault(key, []).append(case.variant)

@@ -22,7 +22,11 @@ class ReportChart extends Chart {
     this.allPanes = panes;
     this.showPane("");
     element.chart = this; // for tests, and for the console of the browser
-    element.addEventListener("pointermove", () => { if (typeof this.hover?.at === "number") showTime(this.hover.at, this); });
+    element.addEventListener("pointermove", () => {
+      if (typeof this.hover?.at !== "number") return;
+      selectCase(this.panes[this.hover.pane].case);
+      showTime(this.hover.at, this);
+    });
     element.addEventListener("pointerleave", () => this.setTime(shownTime));
     scrollThrough(element);
   }
@@ -37,8 +41,23 @@ class ReportChart extends Chart {
 
   legend(pane, index) {
     const row = super.legend(pane, index);
-    if (index && legendOf(pane) === legendOf(this.panes[0])) for (const chip of row.querySelectorAll(".twin-chip")) chip.hidden = true;
+    pane.alike = index && legendOf(pane) === legendOf(this.panes[0]) ? [...row.querySelectorAll(".twin-chip")] : [];
+    for (const chip of pane.alike) chip.hidden = true;
+    if (!index) this.times = row.querySelector(".twin-pane-title").appendChild(document.createElement("b"));
     return row;
+  }
+
+  // at the cursors, of the stored samples instead of those that are drawn, in every pane
+  values(pane) {
+    const { data, cursors } = this;
+    if (cursors.length) this.data = { ...data, ...Object.fromEntries(pane.curves.flatMap(({ name }) => (stored.has(name) ? [[name, stored.get(name)]] : []))) };
+    super.values(pane);
+    this.data = data;
+    for (const chip of pane.alike || []) chip.hidden = !cursors.length;
+    if (pane !== this.panes[0]) return;
+    const [t1, t2] = cursors.map((time) => +time.toFixed(4)), isThinned = this.panes.some(({ thinned }) => thinned);
+    const text = !cursors.length ? "" : `\u2003t1 ${t1} s${cursors.length > 1 ? `, t2 ${t2} s, Δt ${+(t2 - t1).toFixed(4)} s` : ""}${isThinned ? " (last sample that is kept)" : ""}`;
+    if (this.times.textContent !== text) this.times.textContent = text;
   }
 
   share(event, { from, to, all, a, b }) {
@@ -105,8 +124,13 @@ function scrollThrough(element) {
 }
 
 // names of curves are the indices of their arrays
+const stored = new Map();
 const curvesOf = (isLoop) => async ({ names, points, from, to }) => {
-  const lines = await Promise.all(names.map(async (name) => { const [x, y] = await Promise.all(name.split(" ").map(unpack)); return { x, y }; }));
+  const lines = await Promise.all(names.map(async (name) => {
+    const [x, y] = await Promise.all(name.split(" ").map(unpack));
+    if (!stored.has(name)) stored.set(name, { x: [...x, x.at(-1) + 1e-9], y: [...y, NaN] }); // no value after the last sample
+    return { x, y };
+  }));
   const first = Math.min(...lines.map(({ x }) => x[0])), last = Math.max(...lines.map(({ x }) => x.at(-1)));
   const window = from === undefined ? [first, last] : [from, to];
   return { from: first, to: last, last, curves: isLoop ? lines : lines.map((line) => visible(line, ...window, 2 * points)) };
@@ -118,11 +142,16 @@ function showTime(time, origin) {
   origin.setTime(null);
 }
 
+// show a case in the scene
+function selectCase([variant, seed] = []) {
+  const isCase = ({ case: own }) => own?.[0] === variant && own[1] === +seed, first = films.findIndex(isCase);
+  if (player && first >= 0 && !isCase(films[player.films.indexOf(player.film)])) player.select(first);
+}
+
 // show a case and a time [s] in the scene, or the time in the charts
 function goTo({ variant, seed, time }) {
-  const isCase = ({ case: own }) => own?.[0] === variant && own[1] === +seed, first = films.findIndex(isCase);
   player?.play(false);
-  if (first >= 0 && !isCase(films[player.films.indexOf(player.film)])) player.select(first);
+  selectCase([variant, seed]);
   if (time !== undefined) { if (player) player.show(+time); else chartTimes(+time); }
 }
 
@@ -152,6 +181,13 @@ if (films.length) {
   scrollThrough(stage);
 }
 for (const link of document.querySelectorAll(".failures a[data-variant]")) link.addEventListener("click", () => goTo(link.dataset));
+
+// a link opens what it leads to; one to a plot shows the case of its first pane
+for (const link of document.querySelectorAll("main a[href^='#']")) link.addEventListener("click", () => {
+  const target = document.querySelector(link.hash);
+  for (const fold of [target.closest("details"), target.querySelector(":scope > details:not(.rule)")]) if (fold) fold.open = true;
+  if (!link.dataset.variant) selectCase(target.querySelector(".twin-chart")?.chart.allPanes.find((pane) => pane.case)?.case);
+});
 
 // tables and drawings that are wider than the page say so
 const widths = new ResizeObserver((entries) => { for (const { target } of entries) target.classList.toggle("cut", target.scrollWidth > target.clientWidth + 1); });

@@ -52,8 +52,10 @@ def metric_cells(result: MetricResult, style: MetricFormat) -> dict[str, str]:
         "variant": result.variant,
         "verdict": result.verdict,
         "paper": style.reference(result.paper),
-        "mean": "no value" if result.verdict == "none" else style.text(result.mean, result.scale),
-        "worst": style.text(result.worst, result.scale),
+        "mean": "no value"
+        if result.verdict == "none"
+        else result.metric.named(result.mean, style.text(result.mean, result.scale)),
+        "worst": result.metric.named(result.worst, style.text(result.worst, result.scale)),
         "ratio": "-" if result.ratio is None else f"{result.ratio:.2f}",
         "tolerance": f"± {100 * tolerance:g} %" if tolerance is not None and result.paper is not None else "-",
         "description": result.metric.description,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,9 +24,9 @@ if TYPE_CHECKING:
     Tables = Mapping[tuple[str, int], Signals]
     Points = tuple[NDArray[Any], NDArray[Any]]
 
-MAX_POINTS = 4000  # of a curve: a screen has about 1000 pixels for it, so it can be zoomed to a quarter of its length
+MAX_POINTS = 100_000  # of a curve
 MIN_POINTS = 400  # of a curve, however many there are
-MAX_VALUES = 400_000  # of all curves of a report, with the ranges of their seeds: about 1 MB
+MAX_VALUES = 1_200_000  # of all curves of a report, with the ranges of their seeds: about 3 MB
 MAX_PANES = 6  # below each other
 MARGIN = 0.06  # of a range
 DASHES: tuple[list[int], ...] = ([], [6, 3], [2, 2], [8, 3, 2, 3])  # of `plotting.LINE_STYLES`
@@ -40,21 +42,39 @@ def quantize(values: NDArray[Any]) -> NDArray[Any]:
 
 def points_per_curve(plots: Iterable[Plot], tables: Tables) -> int:
     """Return the number of points of each curve so that a report does not become too large."""
-    curves = sum(len(plot.curves) * len(plotting.selected_tables(plot, tables)) for plot in plots)
-    return int(np.clip(MAX_VALUES // max(curves, 1) // 2, MIN_POINTS, MAX_POINTS))
+    lines: list[tuple[int, int]] = []  # number of lines, samples of each
+    for plot in plots:
+        selected = plotting.selected_tables(plot, tables)
+        seeds = Counter(variant for variant, _ in selected)
+        samples = {variant: len(signals.time) for (variant, _), signals in selected.items()}
+        lines += [(len(plot.curves) * (1 if seeds[name] == 1 else 3), samples[name]) for name in seeds]
+    low, high = MIN_POINTS, MAX_POINTS
+    while low < high:
+        middle = (low + high + 1) // 2
+        is_small = sum(count * min(size, middle) for count, size in lines) <= MAX_VALUES
+        low, high = (middle, high) if is_small else (low, middle - 1)
+    return low
 
 
-def plot_charts(plot: Plot, tables: Tables, violations: Sequence[Violation], arrays: PackedArrays, points: int) -> Any:
-    """Return the charts of a plot, each a list of panes; none for plots of single points.
+def plot_charts(
+    plot: Plot,
+    tables: Tables,
+    violations: Sequence[Violation],
+    arrays: PackedArrays,
+    points: int,
+    codes: Mapping[str, Mapping[int, str]] = MappingProxyType({}),
+) -> Any:
+    """Return the charts of a plot, each a list of panes; none for plots of single points. `codes`: see `PaneBuilder`.
 
     Panels over time are panes of one chart, many of them of two charts side by side; loops are charts of their own.
     """
     if plot.points:
         return []
     panels = plotting.plot_panels(plot, tables)
-    builders = [PaneBuilder(plot, names, tables, violations, arrays, points) for names in panels]
+    builders = [PaneBuilder(plot, names, tables, violations, arrays, points, codes) for names in panels]
     panes = [builder.build(len(panels) > 1) for builder in builders]
-    if plot.band and not plotting.is_loop_plot(plot):
+    are_codes = all(plotting.curve_kind(curve, tables) for curve in plot.curves)
+    if (plot.band or are_codes) and not plotting.is_loop_plot(plot):
         shared = shared_range([value for builder in builders for value in builder.extremes], panes)
         panes = [pane | shared for pane in panes]
     if plotting.is_loop_plot(plot):
@@ -65,7 +85,11 @@ def plot_charts(plot: Plot, tables: Tables, violations: Sequence[Violation], arr
 
 @dataclass
 class PaneBuilder:
-    """Builder of a pane: curves of some variants, the first seed as a line, all seeds as an area."""
+    """Builder of a pane: curves of some variants, the first seed as a line, all seeds as an area.
+
+    `codes`: names of the values of signals that are codes, by the texts of the signals. `thinned_to`: longest time between
+    the samples that are left of a curve [s]; 0 if all are.
+    """
 
     plot: Plot
     names: list[str]
@@ -73,6 +97,8 @@ class PaneBuilder:
     violations: Sequence[Violation]
     arrays: PackedArrays
     points: int
+    codes: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
+    thinned_to: float = 0.0
     extremes: list[float] = field(default_factory=list)  # smallest and largest value of each curve [unit of the axis]
 
     def build(self, is_titled: bool) -> dict[str, Any]:
@@ -94,7 +120,12 @@ class PaneBuilder:
                     spans += [
                         span for case, points in recorded.items() for span in self.violating_spans(curve, case, points)
                     ]
-        pane = {"title": self.names[0] if is_titled else "", "unit": units.shown(plot.unit), "curves": curves}
+        pane: dict[str, Any] = {"title": "", "unit": units.shown(plot.unit), "curves": curves}
+        if len(self.names) == 1:
+            (case, *others) = selected
+            title = f"{case[0]}, seed {case[1]}" if others else case[0]
+            has_title = is_titled or len({variant for variant, _ in self.tables}) > 1
+            pane |= {"case": case, "title": title if has_title else ""}
         if is_loop:
             return {
                 **pane,
@@ -107,6 +138,7 @@ class PaneBuilder:
             "lines": [convert(value) for value in plot.lines],
             "spans": [{"from": begin, "to": end} for begin, end in sorted(set(spans))],
             "limits": self.limits(selected),
+            "thinned": self.thinned_to,
         }
 
     @property
@@ -131,10 +163,14 @@ class PaneBuilder:
             x = plotting.to_unit(time, plot.x_unit, dimension.is_difference(curve.x))
             return {**entry, "name": self.add(plotting.thin_loop(x, in_unit[0], self.points))}
         entry["step"] = bool(plotting.curve_kind(curve, self.tables))
+        if names := self.codes.get(curve.signal.text):
+            entry["codes"] = names
         lines = {"name": np.asarray(in_unit[0], float)}
         if len(recorded) > 1:
             lines |= seed_range(time, [(x, y) for (x, _), y in zip(recorded, in_unit, strict=True)])
         samples = extreme_samples(list(lines.values()), self.points)
+        if len(samples) < len(time):
+            self.thinned_to = max(self.thinned_to, float(np.diff(time[samples]).max()))
         return entry | {name: self.add((time[samples], y[samples])) for name, y in lines.items()}
 
     def add(self, points: Points) -> str:

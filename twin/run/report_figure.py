@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 class ReportFigure:
     """Figure of a report: SVG for paper; charts of panes in its place on a screen, with events as marks.
 
-    `events`: by the numbers of their marks. `points`: of each curve of its charts, at most.
+    `events`: by the numbers of their marks.
     `command`: shows all samples; `query`: of the viewer's address, too. `violations`: names of those it shows. `is_scene`: replaced by a film.
     """
 
@@ -25,7 +25,6 @@ class ReportFigure:
     panels: Sequence[Any] = ()
     marks: Sequence[Any] = ()
     events: Mapping[int, EventLine] = field(default_factory=dict)
-    points: int = 0
     command: str = ""
     query: str = ""
     violations: tuple[str, ...] = ()

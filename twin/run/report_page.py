@@ -7,7 +7,6 @@ from itertools import zip_longest
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from twin.errors import quote_names
 from twin.results import (
     Expectation,
     ExpectationResult,
@@ -17,6 +16,7 @@ from twin.results import (
     find_violations,
     group_lines,
     trace_to_inputs,
+    worst_seeds_first,
 )
 from twin.run.metric_charts import draw_metric_charts
 from twin.run.report import VERDICTS, has_own_name, is_failure, list_failures, metric_rows
@@ -38,11 +38,11 @@ if TYPE_CHECKING:
 
 SECTIONS = {  # of report.html: titles in its table of contents
     "requirements": "Requirements",
+    "plots": "Plots",
     "matrix": "Variants",
     "figures": "Metrics",
     "notes": "Notes",
     "hardware": "Hardware",
-    "plots": "Plots",
     "half": "Step refinement",
     "system": "System",
     "events": "Events",
@@ -51,9 +51,8 @@ SECTIONS = {  # of report.html: titles in its table of contents
 }
 MAX_STRUCTURES = 6  # diagrams, if variants differ
 RULE = (
-    "Pointer: values, and the time of the scene. Click: cursor t1, then t2. Shift-drag: move. Ctrl and wheel: zoom at the pointer. "
-    "Click a name: dim its curve. Lines: the smallest and the largest value of each of {parts:,} parts of the recording, rounded to "
-    "1/65,536 of their range. The commands below the plots show all samples."
+    "Pointer: values, and the case and time of the scene. Click: time t1, then t2, with values in every pane. Shift-drag: move. "
+    "Ctrl and wheel: zoom at the pointer. Click a name: dim its curve. Values are rounded to 1/65,536 of the range of their curve."
 )
 
 
@@ -129,6 +128,7 @@ def report_html(
     `previous_values`: of the scenario's overrides. `analyses`: a violated metric of theirs is marked in their inputs. `folder`: of the run, for the commands that show its curves.
     """
     violations = find_violations(expectations, evaluation, tables)
+    tables = worst_seeds_first(tables, violations)
     arrays = PackedArrays()
     in_curves = [
         traced
@@ -136,7 +136,9 @@ def report_html(
         if not violation.over_time
         for traced in trace_to_inputs(violation, analyses, tables)
     ]
-    curves = draw_plots(plots, tables, [row.annotation for row in events], in_curves, arrays, folder)
+    curves = draw_plots(
+        plots, tables, [row.annotation for row in events], in_curves, arrays, folder, signal_codes(evaluation)
+    )
     first = next((violation for violation in in_curves if not violation.reduce), None)
     order = [result.name for result in evaluation.expectation_results]
 
@@ -159,6 +161,8 @@ def report_html(
             groups=metric_groups(evaluation),
             outcomes=evaluation.expectation_results,
             counts=count_verdicts(summary),
+            not_judged=sum(result.verdict == "skipped" for result in evaluation.expectation_results),
+            published=sum(result.verdict == "pass" for result in evaluation.metric_results),
             failures=link_failures(evaluation, figures),
             folder=folder,
             plots=[
@@ -169,9 +173,9 @@ def report_html(
             members=group_by_member(parameters),
             changes=describe_changes(summary.get("overrides", ()), previous_values, parameters),
             events=events,
+            scenes_left_out=scenes.left_out if scenes else 0,
             words={key: word for key, (word, _) in VERDICTS.items()},
             named=has_own_name,
-            quote_names=quote_names,
             mark_code=mark_code,
             comparison=compare_with_paper(evaluation),
             description=split_first_sentence(summary["scenario"]["description"]),
@@ -184,13 +188,19 @@ def report_html(
             refinements=refinements,
             matrix=build_matrix(evaluation, violations),
             titles=SECTIONS,
-            start=next((violation.first for violation in (first, *in_curves) if violation), None),
-            starts={violation.name: violation.first for violation in reversed([*in_curves, *violations])},
+            start=next((violation.start for violation in (first, *in_curves) if violation), None),
+            starts={violation.name: violation.start for violation in reversed([*in_curves, *violations])},
             incomplete=[
                 f"{variant}, seed {seed}" for (variant, seed), signals in tables.items() if not signals.complete
             ],
         )
     )
+
+
+def signal_codes(evaluation: Evaluation) -> dict[str, dict[int, str]]:
+    """Return the names of the values of signals that metrics read as codes, by the texts of the signals."""
+    metrics = [result.metric for result in evaluation.metric_results]
+    return {metric.signal.text: metric.codes for metric in metrics if metric.codes}
 
 
 def early_terminations(terminations: Mapping[tuple[str, int], HardwareTermination]) -> dict[str, HardwareTermination]:
@@ -206,9 +216,7 @@ def titled_structures(
     structures: Sequence[tuple[tuple[str, str], Sequence[str]]],
 ) -> list[tuple[str, str, str]]:
     """Return each diagram as (SVG, remarks, names of its variants); no names where there is one diagram only."""
-    return [
-        (svg, remarks, ", ".join(quote_names(names)) * (len(structures) > 1)) for (svg, remarks), names in structures
-    ]
+    return [(svg, remarks, "; ".join(names) * (len(structures) > 1)) for (svg, remarks), names in structures]
 
 
 def group_by_member(parameters: Sequence[ParameterRow]) -> dict[str, list[ParameterRow]]:
@@ -249,6 +257,6 @@ def page_scripts(
         "films": embed_json(films),
         "names": [film["name"] for film in films],
         "arrays": arrays.texts,
-        "rule": RULE.format(parts=max((figure.points // 2 for figure in figures), default=0)),
+        "rule": RULE,
         "script": chart_script([*scene_page.PLAYER, HERE / "report.js"], views=True) if has_script else "",
     }

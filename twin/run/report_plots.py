@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 from urllib.parse import urlencode
 
@@ -32,8 +33,12 @@ def draw_plots(
     violations: Sequence[Violation],
     arrays: PackedArrays,
     folder: str,
+    codes: Mapping[str, Mapping[int, str]] = MappingProxyType({}),
 ) -> list[ReportFigure]:
-    """Draw the plots, those of violations that no other shows first; without plots every recorded signal is drawn."""
+    """Draw the plots, those of violations that no other shows first; without plots every recorded signal is drawn.
+
+    `codes`: names of the values of signals, by their texts.
+    """
     scenario_plots = list(plots) or plotting.default_plots(tables)
     all_plots = [*plots_of_unshown_violations(scenario_plots, tables, violations), *scenario_plots]
     points = report_curves.points_per_curve(all_plots, tables)
@@ -42,15 +47,21 @@ def draw_plots(
         shown = [violation for violation in violations if violation.is_shown_in(plot, tables)]
         numbered = events_in_plot(plot, tables, events)
         numbers = [replace(event, name=str(key)) for key, event in numbered.items()]
+        charts = report_curves.plot_charts(plot, tables, violations, arrays, points, codes)
+        spacing = max((pane.get("thinned", 0.0) for panes in charts for pane in panes), default=0.0)
+        notes = [plot_note(plot, tables, shown), code_note(plot, codes)]
+        thinned = (
+            f"thinned to {float(f'{1e3 * spacing:.2g}'):g} ms or less, with all extremes; twin view has all samples"
+        )
+        notes.append(thinned * bool(spacing))
         figures.append(
             ReportFigure(
                 plot.title,
                 plotting.plot_svg(plot, tables, numbers, str(number), violations),
-                plot_note(plot, tables, shown),
-                report_curves.plot_charts(plot, tables, violations, arrays, points),
+                "; ".join(filter(None, notes)),
+                charts,
                 report_curves.event_marks(numbered),
                 numbered,
-                points,
                 view_command(plot, folder),
                 urlencode([("signal", name) for name in viewed_signals(plot)]),
                 tuple(violation.name for violation in shown),
@@ -119,14 +130,12 @@ def plot_note(plot: Plot, tables: Tables, shown_violations: Sequence[Violation])
         parts.append("dashed: " + ", ".join(plot.shown(value) for value in plot.lines))
     seeds = list(dict.fromkeys(seed for _, seed in tables))
     if len(seeds) > 1:
-        names = f"{'seeds' if len(seeds) > 2 else 'seed'} {join_numbers(seeds[1:])}"
-        all_names = f"seeds {join_numbers(seeds)}"
+        line_seeds = dict(reversed(list(plotting.selected_tables(plot, tables))))
+        names = set(line_seeds.values())
+        line = f"seed {names.pop()}" if len(names) == 1 else "the seed in the title, the worst of a failure"
         is_first_only = plotting.is_loop_plot(plot) and not plot.points
-        parts.append(
-            f"seed {seeds[0]}; light, on paper only: {names}"
-            if is_first_only
-            else f"line: seed {seeds[0]}; light: {all_names}"
-        )
+        light = "on paper only, " if is_first_only else "range of "
+        parts.append(f"line: {line}; light: {light}seeds {join_numbers(seeds)}")
     if shown_violations:
         parts.append("red: " + "; ".join(violation_note(violation, plot) for violation in shown_violations))
     missing = (
@@ -137,6 +146,12 @@ def plot_note(plot: Plot, tables: Tables, shown_violations: Sequence[Violation])
     if missing > 0:
         parts.append(f"and {missing} more variants, not drawn")
     return "; ".join(parts)
+
+
+def code_note(plot: Plot, codes: Mapping[str, Mapping[int, str]]) -> str:
+    """Return the names of the values of a plot's signals that are codes: `0 idle, 1 position`."""
+    names = [codes[curve.signal.text] for curve in plot.curves if curve.signal.text in codes]
+    return "; ".join(", ".join(f"{value} {name}" for value, name in each.items()) for each in names)
 
 
 def violation_note(violation: Violation, plot: Plot) -> str:

@@ -21,9 +21,8 @@ if TYPE_CHECKING:
     from twin.results import Signals, Violation
     from twin.scene import Frames, Scene
 
-REPORT_INSTANTS = 3  # of a scene on the paper of a report
-MAX_FILMS = 8  # of a report
-MAX_VALUES = 250_000  # moving coordinates of a report: 0.7 MB
+MAX_FILMS = 24  # of a report
+MAX_VALUES = 400_000  # moving coordinates of a report: 1.1 MB
 
 
 def run_scenes(folder: Path, title: str = "", variant: str = "", seed: int | None = None) -> dict[str, Frames]:
@@ -74,10 +73,11 @@ def scene_frames(
 
 @dataclass(frozen=True)
 class ReportScenes:
-    """Scenes of a report: films of all variants with the first seed and of failures, and still pictures of the first case for paper."""
+    """Scenes of a report: films of all variants with the first seed and of failures; for paper, each scene once, at the first failure or halfway."""
 
     films: list[dict[str, Any]]
     stills: list[ReportFigure]
+    left_out: int = 0  # cases without a film
 
 
 def report_scenes(
@@ -91,12 +91,15 @@ def report_scenes(
     `views`: of the machine, by variant, as the viewer draws them; they replace the lines of the scenes.
     `violations`: each case in which one is shown first has a film, with that instant.
     """
-    first_seeds = {variant: (variant, seed) for variant, seed in reversed(list(tables))}
+    first_seeds: dict[str, tuple[str, int]] = {}
+    for case in tables:
+        first_seeds.setdefault(case[0], case)
     instants: dict[tuple[str, int], list[float]] = {}
-    for case, instant in (violation.first for violation in violations):
+    for case, instant in (violation.start for violation in violations):
         instants.setdefault(case, []).extend([] if instant is None else [instant])
-    filmed = [*instants, *(case for case in first_seeds.values() if case not in instants)][:MAX_FILMS]
-    shown = {case: signals for case, signals in tables.items() if case in filmed}
+    filmed = [*instants, *(case for case in first_seeds.values() if case not in instants)]
+    shown = {case: signals for case, signals in tables.items() if case in filmed[:MAX_FILMS]}
+    has_seeds = len({seed for _, seed in tables}) > 1
     names = {f"{case[0]}, seed {case[1]}" if len(shown) > 1 else "": case for case in shown}
     machines = {
         name: partial(machine_film, own, shown[case]) for name, case in names.items() if (own := views.get(case[0]))
@@ -114,13 +117,21 @@ def report_scenes(
     ]
     makers = makers[:MAX_FILMS]
     films = [
-        {"name": title, "case": case, **film(MAX_VALUES // len(makers), instants.get(case, ()))}
+        {
+            "name": title if has_seeds else title.removesuffix(f", seed {case[1]}"),
+            "case": case,
+            **film(MAX_VALUES // len(makers), instants.get(case, ())),
+        }
         for title, name, film in makers
         for case in [names[name]]
     ]
     stills = []
     for title, cases in animations.items():
-        for _, variant, frames in cases[:1]:
-            svg = picture.figure_svg(picture.scene_figure(frames, "", REPORT_INSTANTS), title)
-            stills.append(ReportFigure(title, svg, variant, is_scene=True))
-    return ReportScenes(films, stills)
+        starts = [violation.start for violation in sorted(violations, key=lambda each: bool(each.reduce))]
+        cases.sort(key=lambda entry: names[entry[1]] != starts[0][0] if starts else False)
+        for _, name, frames in cases[:1]:
+            instant = starts[0][1] if starts and names[name] == starts[0][0] else None
+            at = (frames.time[0] + frames.time[-1]) / 2 if instant is None else instant
+            svg = picture.figure_svg(picture.scene_figure(frames, at=at), title)
+            stills.append(ReportFigure(title, svg, name, is_scene=True))
+    return ReportScenes(films, stills, len(filmed) - len(shown))

@@ -1,4 +1,4 @@
-"""Matrix of metrics of many variants: a row for each variant, a column for each metric, sortable and filterable."""
+"""Matrix of metrics of many variants: one row for each variant, sortable and filterable, or one for each of more metrics."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from twin.run.report import metric_definition
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from twin.results import Evaluation, Metric, Violation
+    from twin.results import Evaluation, Metric, MetricFormat, MetricResult, Violation
 
 FAILED = ("fail", "none")  # verdicts of metrics
-MIN_VARIANTS = 5  # a list of fewer is readable at a glance
+MIN_VARIANTS, MAX_ROWS = 5, 24  # a list of fewer variants, or of no more rows, is readable at a glance
 
 
 @dataclass(frozen=True)
 class MatrixCell:
-    """Metric of a variant. `value`: in the unit of its column, for sorting; None if there is none. `paper`: its reference."""
+    """Metric of a variant. `value`: in the unit of its column, for sorting; None if there is none. `notes`: below its text."""
 
     text: str = ""
-    paper: str = ""
+    notes: tuple[str, ...] = ()
     value: float | None = None
     verdict: str = ""
 
@@ -38,15 +38,34 @@ class MatrixRow:
 
 @dataclass(frozen=True)
 class Matrix:
-    """Title, unit and description of each column, and the rows."""
+    """Title, unit, description and definition of each column, and the rows."""
 
-    columns: tuple[tuple[str, str, str], ...] = ()
+    columns: tuple[tuple[str, str, str, str], ...] = ()
     rows: tuple[MatrixRow, ...] = ()
 
     @property
     def is_large(self) -> bool:
-        """Whether there are so many variants that a list of them is too long."""
-        return len(self.rows) >= MIN_VARIANTS
+        """Whether there are so many variants, or metrics of several variants, that a list of them is too long."""
+        return len(self.rows) >= MIN_VARIANTS or (len(self.rows) > 1 and len(self.rows) * len(self.columns) > MAX_ROWS)
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether it has more metrics than variants, so that metrics are its rows."""
+        return len(self.columns) >= len(self.rows)
+
+
+def matrix_cell(result: MetricResult, style: MetricFormat, verdict: str) -> MatrixCell:
+    """Return the mean of a metric of a variant with its worst seed, its published value, and the ratio of both."""
+    metric = result.metric
+    factor, offset = si_conversion(metric.unit, metric.is_difference)
+    if result.mean is None:
+        return MatrixCell("no value", verdict=verdict)
+    text, worst = (style.number(value, result.scale) for value in (result.mean, result.worst))
+    notes = [f"worst {worst}"] * (worst != text)
+    if result.paper is not None:
+        notes.append(f"paper {style.reference(result.paper).removesuffix(style.label).rstrip()}")
+        notes += [f"ratio {result.ratio:.2f}"] * (result.ratio is not None)
+    return MatrixCell(metric.named(result.mean, text), tuple(notes), (result.mean - offset) / factor, verdict)
 
 
 def build_matrix(evaluation: Evaluation, violations: Sequence[Violation]) -> Matrix:
@@ -65,27 +84,18 @@ def build_matrix(evaluation: Evaluation, violations: Sequence[Violation]) -> Mat
     rows = []
     for variant in dict.fromkeys([*(result.variant for result in evaluation.metric_results), *failed_names]):
         cells = []
-        for name, metric in metrics.items():
+        for name in metrics:
             result = results.get((variant, name))
             if result is None:
                 cells.append(MatrixCell())
                 continue
-            factor, offset = si_conversion(metric.unit, metric.is_difference)
-            value = None if result.mean is None else (result.mean - offset) / factor
-            text = "no value" if value is None else formats[name].number(result.mean, result.scale)
-            paper = (
-                ""
-                if result.paper is None
-                else formats[name].reference(result.paper).removesuffix(formats[name].label).rstrip()
-            )
             verdict = "fail" if (variant, name) in failed_cells else result.verdict
-            cells.append(MatrixCell(text, paper, value, verdict))
+            cells.append(matrix_cell(result, formats[name], verdict))
         failed_metrics = [
             name for name in metrics if (variant, name) in results and results[variant, name].verdict in FAILED
         ]
         rows.append(MatrixRow(variant, tuple(cells), (*failed_names.get(variant, ()), *failed_metrics)))
     columns = tuple(
-        (name, formats[name].label, ": ".join(filter(None, (metric.description, metric_definition(metric)))))
-        for name, metric in metrics.items()
+        (name, formats[name].label, metric.description, metric_definition(metric)) for name, metric in metrics.items()
     )
     return Matrix(columns, tuple(sorted(rows, key=lambda row: not row.failures)))

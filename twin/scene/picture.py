@@ -134,8 +134,11 @@ def render_images(frames: Frames, dpi: int) -> Iterator[Any]:
             yield np.asarray(canvas.buffer_rgba())[..., :3]
 
 
-def scene_figure(frames: Frames, title: str = "", instants: int = 1) -> Any:
-    """Draw a scene at evenly spaced instants from the first to the last: side by side if it is tall, else below each other."""
+def scene_figure(frames: Frames, title: str = "", instants: int = 1, at: float | None = None) -> Any:
+    """Draw a scene at evenly spaced instants from the first to the last: side by side if it is tall, else below each other.
+
+    `at` [s]: draw the instant nearest to this time instead.
+    """
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
@@ -147,7 +150,8 @@ def scene_figure(frames: Frames, title: str = "", instants: int = 1) -> Any:
     last = len(frames.time) - 1
     with mpl.rc_context(plotting.STYLE):
         figure: Any = Figure((width, height), dpi=DPI)
-        for number, instant in enumerate(np.rint(np.linspace(0, last, instants)).astype(int)):
+        shown = np.rint(np.linspace(0, last, instants)).astype(int)
+        for number, instant in enumerate(shown if at is None else [np.argmin(np.abs(np.asarray(frames.time) - at))]):
             row, column = divmod(number, columns)
             corner = (
                 (EDGE + (panel_width + EDGE) * column) / width,

@@ -1,7 +1,5 @@
 """Metrics over recorded signals, reference values of the paper, and acceptance criteria.
 
-Over 400 lines: what a scenario asks of its signals, and how it is evaluated and judged.
-
 Everything is in coherent SI units; a metric's own unit is applied for output.
 """
 
@@ -16,7 +14,6 @@ import numpy as np
 from twin.results.evaluation import dimension
 from twin.results.evaluation.coverage import (
     describe_case,
-    describe_cases,
     describe_cut,
     describe_cut_expectation,
     describe_judged,
@@ -26,6 +23,7 @@ from twin.results.evaluation.coverage import (
     variants_of,
 )
 from twin.results.evaluation.hardware_termination import HardwareTermination, check_termination
+from twin.results.evaluation.limit_failures import CaseRange, describe_failure, describe_limits, violating_samples
 from twin.results.evaluation.metric_format import display_units
 from twin.results.evaluation.ordering import check_order
 from twin.results.evaluation.reduction import INSTANT_INDEX, is_outside, reduce_samples
@@ -41,7 +39,10 @@ DIFFERENCE_REDUCTIONS = ("std", "peak_to_peak")  # differences, whatever the sig
 
 @dataclass(frozen=True)
 class Metric:
-    """One number per run. `paper`: published value of each variant; `tolerance`: 0.2 is ± 20 %; no `variants`: all."""
+    """One number per run. `paper`: published value of each variant; `tolerance`: 0.2 is ± 20 %; no `variants`: all.
+
+    `codes`: names of the values of a code, such as a state.
+    """
 
     name: str
     signal: Expression
@@ -53,6 +54,11 @@ class Metric:
     variants: tuple[str, ...] = ()
     description: str = ""
     where: str = field(default="", compare=False)
+    codes: dict[int, str] = field(default_factory=dict)
+
+    def named(self, value: float | None, text: str) -> str:
+        """Return the text of a value with the name of the code that it is: `8 done`."""
+        return f"{text} {self.codes[int(value)]}" if value in self.codes and value is not None else text
 
     @property
     def is_difference(self) -> bool:
@@ -150,21 +156,6 @@ class Plot:
     def shown(self, value: float) -> str:
         """Format a value on the axis."""
         return format_value(value, self.unit, is_difference=self.is_difference)
-
-
-@dataclass(frozen=True)
-class CaseRange:
-    """Smallest and largest value of a case [SI], their times and that of the first violation [s]; no times for a metric.
-
-    `case`: variant and seed; None of the mean over all cases.
-    """
-
-    case: tuple[str, int] | None
-    low: float
-    high: float
-    low_time: float | None = None
-    high_time: float | None = None
-    first_violation: float | None = None
 
 
 @dataclass(frozen=True)
@@ -367,18 +358,6 @@ def extreme_samples(samples: tuple[Any, Any], expectation: Expectation) -> np.nd
     return np.stack([time[indices], np.asarray(value, np.float64)[indices]], axis=1)
 
 
-def describe_limits(expectation: Expectation) -> tuple[str, str, str]:
-    """Return the checked quantity, its expected range, and the expectation's name."""
-    what = expectation.metric or (expectation.signal.text if expectation.signal else "")
-    low, high = expectation.shown(expectation.at_least), expectation.shown(expectation.at_most)
-    if expectation.at_least is not None and expectation.at_most is not None:
-        limits = f"from {low} to {high}"
-    else:
-        limits = f"at most {high}" if expectation.at_least is None else f"at least {low}"
-    is_exact = expectation.at_least == expectation.at_most
-    return what, f"exactly {low}" if is_exact else limits, expectation.name or f"{what} {limits}"
-
-
 def no_samples_result(expectation: Expectation, case: str, is_array: bool) -> ExpectationResult:
     """Result of an expectation that cannot be evaluated for a case although its signal was recorded."""
     what, expected, name = describe_limits(expectation)
@@ -401,34 +380,11 @@ def check_limits(
     def shown(value: float) -> str:
         return "not a number" if np.isnan(value) else expectation.shown(value, scale)
 
-    low, high = expectation.at_least, expectation.at_most
-    lows = [row.low for row in ranges if is_outside(row.low, low, None)]
-    highs = [row.high for row in ranges if is_outside(row.high, None, high)]
     failing = [row for row in ranges if violating_samples(expectation, row)]
     if not failing:
         span = " to ".join(
             dict.fromkeys((shown(min(row.low for row in ranges)), shown(max(row.high for row in ranges))))
         )
         return ExpectationResult(name, "pass", f"{what} was {span}; expected {expected}.")
-    worst = " to ".join(dict.fromkeys(shown(edge(values)) for edge, values in ((min, lows), (max, highs)) if values))
-    if expectation.signal is None and len({row.case[1] for row in failing if row.case is not None}) > 1:
-        worst = f"worst seed {worst}"
-    limits = f", expected {expected.removeprefix('from ')}" if expectation.name else ""
-    times = [row.first_violation for row in failing if row.first_violation is not None]
-    first = f"first at {min(times):.6g} s" if times else ""
-    cases = [row.case for row in failing if row.case is not None]
-    brief, full = describe_cases(cases, run), describe_cases(cases, run, len(run))
-    samples = [
-        shown(value) + ("" if time is None else f" at {time:.6g} s")
-        for value, time in violating_samples(expectation, failing[0])
-    ]
-    of_case = f" in {describe_case(failing[0].case)}" if failing[0].case is not None else ", the mean of all runs"
-    more = [f"{what} is {' and '.join(dict.fromkeys(samples))}{of_case}.", f"Fails in {full}." if full != brief else ""]
-    detail = "; ".join(filter(None, [f"{worst}{limits}", first, brief]))
-    return ExpectationResult(name, "fail", f"{detail}.", " ".join(filter(None, more)))
-
-
-def violating_samples(expectation: Expectation, row: CaseRange) -> list[tuple[float, float | None]]:
-    """Return value and time of the smallest and the largest sample of a case, as far as they are outside of the limits."""
-    sides = ((row.low, row.low_time, expectation.at_least, None), (row.high, row.high_time, None, expectation.at_most))
-    return [(value, time) for value, time, low, high in sides if is_outside(value, low, high)]
+    detail, more = describe_failure(expectation, failing, run, shown)
+    return ExpectationResult(name, "fail", detail, more)

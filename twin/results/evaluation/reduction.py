@@ -100,3 +100,14 @@ def is_outside(value: Any, low: float | None, high: float | None) -> Any:
     if high is not None:
         mask = mask | (value > high)
     return mask
+
+
+def limit_excess(value: Any, low: float | None, high: float | None) -> Any:
+    """Return how far values are outside of the limits, negative inside; infinite where they are not finite."""
+    value = np.asarray(np.nan if value is None else value, float)
+    excess = np.full(value.shape, -np.inf)
+    if low is not None:
+        excess = np.maximum(excess, low - value)
+    if high is not None:
+        excess = np.maximum(excess, value - high)
+    return np.where(np.isfinite(value), excess, np.inf)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import ast
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.results.evaluation.metrics import Evaluation, Expectation, Metric, MetricResult, Plot, describe_limits
+from twin.results.evaluation.limit_failures import describe_limits
+from twin.results.evaluation.metrics import Evaluation, Expectation, Metric, MetricResult, Plot
 from twin.results.evaluation.ordering import failing_pairs
-from twin.results.evaluation.reduction import INSTANT_INDEX, is_outside
+from twin.results.evaluation.reduction import INSTANT_INDEX, is_outside, limit_excess
 from twin.results.recording.signals import Signals, Window, window_mask
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ class Violation:
     """Failed expectation. `low`, `high` [SI]: limits of every sample, or of the sample that `reduce` selects.
 
     `cases`: each with the time of that sample, or of the first violating sample [s]; None of a metric of many samples.
+    `worst`: the same cases with the time of the worst sample [s], the worst case first.
     `metric`: the one that it limits. `span` [s]: all samples of a case up to its time violate it, for so long.
     """
 
@@ -43,6 +45,7 @@ class Violation:
     over_time: bool = False  # a metric of many samples, or several metrics: no single sample violates it
     metric: str = ""
     span: float = 0.0
+    worst: dict[tuple[str, int], float | None] = field(default_factory=dict)
 
     @property
     def variants(self) -> tuple[str, ...]:
@@ -50,9 +53,10 @@ class Violation:
         return tuple(dict.fromkeys(variant for variant, _ in self.cases))
 
     @property
-    def first(self) -> tuple[tuple[str, int], float | None]:
-        """The case that it concerns first, and the time: the earliest sample, or the first case of a metric."""
-        return min(self.cases.items(), key=lambda item: 0.0 if self.reduce or item[1] is None else item[1])
+    def start(self) -> tuple[tuple[str, int], float | None]:
+        """The worst case, and the time of its worst sample."""
+        case = next(iter(self.worst or self.cases))
+        return case, (self.cases if self.reduce else self.worst or self.cases)[case]
 
     @property
     def limits(self) -> list[float]:
@@ -120,14 +124,17 @@ def signal_violation(expectation: Expectation, tables: Tables) -> Violation | No
     assert expectation.signal is not None
     what, expected, name = describe_limits(expectation)
     cases: dict[tuple[str, int], float | None] = {}
+    worst: dict[tuple[str, int], tuple[float, float]] = {}
     for case, signals in tables.items():
         if not signals.complete or (expectation.variants and case[0] not in expectation.variants):
             continue
         for time, value in signals.evaluate_parts(expectation.signal, expectation.window):
             outside = is_outside(value, expectation.at_least, expectation.at_most)
             if outside.any():
-                cases[case] = float(time[np.argmax(outside)])
-                break
+                cases.setdefault(case, float(time[np.argmax(outside)]))
+                excess = limit_excess(value, expectation.at_least, expectation.at_most)
+                sample = float(np.max(excess)), float(time[np.argmax(excess)])
+                worst[case] = max(worst.get(case, sample), sample, key=lambda each: each[0])
     text = f"{what} {expected}{expectation.window.text}"
     return Violation(
         name,
@@ -138,7 +145,19 @@ def signal_violation(expectation: Expectation, tables: Tables) -> Violation | No
         expectation.unit,
         expectation.at_least,
         expectation.at_most,
+        worst={case: worst[case][1] for case in sorted(cases, key=lambda case: -worst[case][0])},
     )
+
+
+def worst_seeds_first(tables: Tables, violations: Iterable[Violation]) -> Tables:
+    """Return the tables with the seed first in each variant that reports show: the worst of its first violation, of samples first."""
+    seeds: dict[str, int] = {}
+    for violation in sorted(violations, key=lambda each: (bool(each.reduce), each.over_time)):
+        for variant, seed in violation.worst or violation.cases:
+            seeds.setdefault(variant, seed)
+    variants = list(dict.fromkeys(variant for variant, _ in tables))
+    order = sorted(tables, key=lambda case: (variants.index(case[0]), case[1] != seeds.get(case[0])))
+    return {case: tables[case] for case in order}
 
 
 def metric_time(signals: Signals, metric: Metric) -> float | None:
@@ -172,6 +191,9 @@ def metric_violation(expectation: Expectation, results: Iterable[MetricResult], 
         for seed, value in result.values.items()
         if is_combined or is_outside(np.nan if value is None else value, expectation.at_least, expectation.at_most)
     }
+    values = {(result.variant, seed): value for result in selected for seed, value in result.values.items()}
+    limits = expectation.at_least, expectation.at_most
+    ranked = cases if is_combined else sorted(cases, key=lambda case: -float(limit_excess(values[case], *limits)))
     order = f"{expectation.metric}: {(' > ' if expectation.descending else ' < ').join(expectation.ordered)}"
     what, expected, name = (
         (expectation.metric or "", order, order) if expectation.ordered else describe_limits(expectation)
@@ -193,4 +215,5 @@ def metric_violation(expectation: Expectation, results: Iterable[MetricResult], 
         metric.reduce,
         expectation.is_aggregate(metric),
         metric.name,
+        worst={case: cases[case] for case in ranked},
     )

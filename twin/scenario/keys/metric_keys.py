@@ -136,7 +136,17 @@ class Builder:
         window = entry.window(keys)
         variants = entry.existing_variants(keys.variants, "variants", ".variants")
         metric = Metric(
-            name, keys.signal, keys.reduce, window, unit, {}, keys.tolerance, variants, keys.description, entry.where()
+            name,
+            keys.signal,
+            keys.reduce,
+            window,
+            unit,
+            {},
+            keys.tolerance,
+            variants,
+            keys.description,
+            entry.where(),
+            codes=keys.codes,
         )
         for variant, raw in reference.items():
             figure = entry.si(raw, unit, "reference", variant, name=".reference", is_difference=metric.is_difference)

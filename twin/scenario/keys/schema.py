@@ -124,7 +124,7 @@ class WindowKeys(Keys):
 
 
 class MetricKeys(WindowKeys):
-    """A scalar metric of a run; `reference`: published value, or one for each variant."""
+    """A scalar metric of a run; `reference`: published value, or one for each variant; `codes`: names of its values."""
 
     signal: Signal
     reduce: Literal["mean", "std", "rms", "max_abs", "min", "max", "final", "peak_to_peak"]
@@ -133,6 +133,7 @@ class MetricKeys(WindowKeys):
     tolerance: Annotated[float, BeforeValidator(fraction)] | None = None
     variants: Some[Text] = []
     description: Text = ""
+    codes: dict[int, Text] = {}
 
 
 class ExpectKeys(WindowKeys):

@@ -98,6 +98,8 @@ export class Chart {
     title.textContent = [pane.title, pane.unit && `[${pane.unit}]`].filter(Boolean).join(" ") + (pane.ending || "");
     names.append(...pane.curves.map((curve) => this.chip(curve, index)));
     pane.instant = title.appendChild(document.createElement("span"));
+    pane.beyond = row.appendChild(document.createElement("span"));
+    pane.beyond.className = "twin-beyond";
     return row;
   }
 

@@ -19,6 +19,7 @@ export function sheet(place, width, height, label) {
 export function parts(view, kind) { return view.parts.filter((one) => one.kind === kind); }
 export function clamp(value, low, high) { return Math.min(Math.max(value, low), high); }
 export function millimeters(value) { return (Math.round(value * 1e4) / 10 + 0).toFixed(1); }  // never -0.0
+const newtons = (value) => (Math.round(value * 1e3) / 1e3 + 0).toFixed(3);
 export function say(one, text) { if (one.textContent !== text) one.textContent = text; }
 
 // put a text beside a point, inside the picture, where it covers none of the boxes of texts placed before
@@ -44,7 +45,7 @@ export function force(svg, x, y, width, band, most = 0.6, label = "contact force
   return (value, name = label, more = "") => {
     const above = isJudged && value > band[1], inside = isJudged && value >= band[0] && value <= band[1];
     set(bar, { width: at(value) - x, class: `bar ${above ? "bad" : inside ? "good" : ""}` });
-    say(text, `${name} ${value.toFixed(3)} N${above ? ", too high" : inside ? ", in range" : ""}${more}`);
+    say(text, `${name} ${newtons(value)} N${above ? ", too high" : inside ? ", in range" : ""}${more}`);
   };
 }
 
@@ -53,7 +54,7 @@ export function contactForce(svg, x, y, width, { band, is_judged: isJudged }, se
   const bar = force(svg, x, y, width, band, Math.max(0.6, +(1.5 * band[1]).toPrecision(2)), undefined, isJudged);
   return (of) => {
     const measured = of(sensor, "measured_force"), actual = of(wallPart, "force"), both = measured !== undefined && actual !== undefined;
-    bar(measured ?? actual ?? 0, `${measured === undefined ? "true" : "measured"} contact force`, both ? `; true ${actual.toFixed(3)} N` : "");
+    bar(measured ?? actual ?? 0, `${measured === undefined ? "true" : "measured"} contact force`, both ? `; true ${newtons(actual)} N` : "");
   };
 }
 

@@ -100,24 +100,18 @@ function drawPane(chart, context, pane, box) {
     line(context, box.across(Math.max(one.from, box.from)), box.down(one.y), box.across(Math.min(one.to, box.to)), box.down(one.y));
   }
   context.restore();
-  drawBeyond(chart, context, pane, box);
+  showBeyond(pane, box);
   if (chart.frames && pane.curves.length && !pane.curves.some(({ name }) => chart.data[name])) {
     context.fillStyle = chart.colors.text; context.textAlign = "center"; context.textBaseline = "middle";
     context.fillText("Loading ...", chart.width / 2, box.top + box.height / 2);
   }
 }
 
-// names and values of the references above and below the vertical axis, at its edges
-function drawBeyond(chart, context, pane, box) {
-  const named = new Map(references(pane).map(({ y, name }) => [y, `${name} ${number(y, 0)}`])), right = chart.width - RIGHT - 4;
-  const write = (isBeyond, arrow, baseline, at) => {
-    const texts = [...named].filter(([y]) => isBeyond(y)).sort(([a], [b]) => a - b).map(([, text]) => text);
-    context.textBaseline = baseline;
-    if (texts.length) context.fillText(`${texts.join(", ")} ${arrow}`, right, at);
-  };
-  context.fillStyle = chart.colors.accent; context.textAlign = "right";
-  write((y) => y > box.high, "\u2191", "top", box.top + 3);
-  write((y) => y < box.low, "\u2193", "bottom", box.top + box.height - 3);
+// names and values of the references above and below the vertical axis, in the legend where they cover no curve
+function showBeyond(pane, box) {
+  const named = [...new Map(references(pane).map(({ y, name }) => [y, `${name} ${number(y, 0)}`]))].sort(([a], [b]) => a - b);
+  const texts = named.filter(([y]) => y > box.high || y < box.low).map(([y, text]) => `${text} ${y > box.high ? "\u2191" : "\u2193"}`);
+  if (pane.beyond.textContent !== texts.join(", ")) pane.beyond.textContent = texts.join(", ");
 }
 
 function drawFrame(chart, context, pane, box) {
@@ -157,14 +151,15 @@ function levels({ low, high, height }) {
 
 function drawColumns(context, pane, box, width) {
   const bottom = box.top + box.height, columns = box.logX ? decades(box.from, box.to) : ticks(box.from, box.to, width / 90);
-  const name = (pane.own && pane.x && [pane.x.label, pane.x.unit].filter(Boolean).join(" ")) || "s";
-  const free = 16 + context.measureText(name).width;  // the name of the axis stands left of its numbers
+  const name = (pane.own && pane.x && [pane.x.label, pane.x.unit].filter(Boolean).join(" ")) || "";
+  const free = 16 + context.measureText(name).width;  // the name of the axis stands left of its numbers; times have their unit
   context.textAlign = "center"; context.textBaseline = "top";
   for (const x of columns.at) {
     const at = Math.round(box.across(x)) + 0.5;
     line(context, at, box.top, at, bottom);
-    const text = number(x, columns.step);
-    if (at - context.measureText(text).width / 2 > free) context.fillText(text, at, bottom + 5);
+    const text = number(x, columns.step) + (pane.own || x !== columns.at.at(-1) ? "" : " s");
+    const half = context.measureText(text).width / 2;
+    if (at - half > free) context.fillText(text, Math.min(at, LEFT + width + RIGHT - half), bottom + 5);
   }
   context.textAlign = "left";
   context.fillText(name, 8, bottom + 5);

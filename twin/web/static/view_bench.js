@@ -21,10 +21,10 @@ export function bench(place, view) {
   const body = make(svg, "path", { class: "catheter" }), needle = make(svg, "line", { class: "needle" }), end = make(svg, "circle", { r: 4, class: "tip" });
   make(svg, "circle", { cx: FRONT[0], cy: FRONT[1], r: FRONT[2], class: "base" });
   make(svg, "path", { d: `M${FRONT[0] - FRONT[2]} ${FRONT[1]}h${2 * FRONT[2]}M${FRONT[0]} ${FRONT[1] - FRONT[2]}v${2 * FRONT[2]}`, class: "axis" });
-  make(svg, "text", { x: FRONT[0], y: FRONT[1] + FRONT[2] + 18, class: "small middle" }, "tip from the front, radius 15 mm");
+  make(svg, "text", { x: 990, y: FRONT[1] - FRONT[2] - 17, class: "small end note" }, "tip from the front, radius 15 mm");
   const trail = make(svg, "polyline", { class: "trail" }), dot = make(svg, "circle", { r: 5, class: "tip" });
   const bar = (sensor || wallPart) && contactForce(svg, 400, 34, 250, view, sensor, sensor ? undefined : wallPart);
-  const text = make(svg, "text", { x: 385, y: 238, class: "small" });
+  const text = make(svg, "text", { x: 385, y: 238, class: "small note" });
   const been = [];
 
   return (of) => {

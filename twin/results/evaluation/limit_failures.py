@@ -1,0 +1,116 @@
+"""Failures of limits in words: the worst sample with its time and case, the first violation, and the other cases."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from twin.results.evaluation.coverage import describe_cases
+from twin.results.evaluation.reduction import is_outside, limit_excess
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from twin.results.evaluation.metrics import Expectation
+
+MAX_CASES = 6  # in the details of a failure
+
+Case = tuple[str, int]
+
+
+@dataclass(frozen=True)
+class CaseRange:
+    """Smallest and largest value of a case [SI], their times and that of the first violation [s]; no times for a metric.
+
+    `case`: variant and seed; None of the mean over all cases.
+    """
+
+    case: Case | None
+    low: float
+    high: float
+    low_time: float | None = None
+    high_time: float | None = None
+    first_violation: float | None = None
+
+
+@dataclass(frozen=True)
+class LimitSample:
+    """Sample of a case outside of a limit, by `excess`; all SI. `case` and `time`: as in `CaseRange`."""
+
+    case: Case | None
+    value: float
+    time: float | None
+    excess: float
+    is_low: bool
+
+
+def describe_limits(expectation: Expectation) -> tuple[str, str, str]:
+    """Return the checked quantity, its expected range, and the expectation's name."""
+    what = expectation.metric or (expectation.signal.text if expectation.signal else "")
+    low, high = expectation.shown(expectation.at_least), expectation.shown(expectation.at_most)
+    if expectation.at_least is not None and expectation.at_most is not None:
+        limits = f"from {low} to {high}"
+    else:
+        limits = f"at most {high}" if expectation.at_least is None else f"at least {low}"
+    is_exact = expectation.at_least == expectation.at_most
+    return what, f"exactly {low}" if is_exact else limits, expectation.name or f"{what} {limits}"
+
+
+def violating_samples(expectation: Expectation, row: CaseRange) -> list[LimitSample]:
+    """Return the smallest and the largest sample of a case, as far as they are outside of the limits."""
+    low, high = expectation.at_least, expectation.at_most
+    sides = ((row.low, row.low_time, low, None), (row.high, row.high_time, None, high))
+    return [
+        LimitSample(row.case, value, time, float(limit_excess(value, *limits)), limits[1] is None)
+        for value, time, *limits in sides
+        if is_outside(value, *limits)
+    ]
+
+
+def describe_failure(
+    expectation: Expectation, failing: Sequence[CaseRange], run: Sequence[Case], shown: Callable[[float], str]
+) -> tuple[str, str]:
+    """Return a line on the worst sample, the first violation and the cases, and what it leaves out. `run`: all cases."""
+    what, expected, _ = describe_limits(expectation)
+    samples = [sample for row in failing for sample in violating_samples(expectation, row)]
+    sides = [[sample for sample in samples if sample.is_low == is_low] for is_low in (True, False)]
+    worst = [max(side, key=lambda sample: sample.excess) for side in sides if side]
+    limits = f", expected {expected.removeprefix('from ')}" if expectation.name else ""
+    cases = [row.case for row in failing if row.case is not None]
+    brief, full = describe_cases(cases, run), describe_cases(cases, run, len(run))
+    others = f"fails in {brief}" if len(cases) > 1 and brief else ""
+    line = [f"{describe_samples(worst, run, shown)}{limits}", describe_first(failing, worst, run), others]
+    more = [f"Judged: {what}{expectation.window.text}."] * bool(expectation.name)
+    if 1 < len(failing) <= MAX_CASES:
+        texts = [describe_samples(violating_samples(expectation, row), run, shown) for row in failing]
+        more.append(f"Worst of each run: {'; '.join(texts)}.")
+    elif full != brief:
+        more.append(f"Fails in {full}.")
+    return f"{'; '.join(filter(None, line))}.", " ".join(more)
+
+
+def describe_samples(samples: Iterable[LimitSample], run: Sequence[Case], shown: Callable[[float], str]) -> str:
+    """Return samples as `0.145 N at 1.2 s and 0.255 N at 3 s in PI, seed 1`."""
+    texts: dict[str, list[str]] = {}
+    for sample in samples:
+        case = ", the mean of all runs" if sample.case is None else describe_cases([sample.case], run)
+        where = f" in {case}" if case and sample.case else case
+        texts.setdefault(where, []).append(shown(sample.value) + time_text(sample.time))
+    return " and ".join(" and ".join(dict.fromkeys(own)) + where for where, own in texts.items())
+
+
+def describe_first(failing: Sequence[CaseRange], worst: Sequence[LimitSample], run: Sequence[Case]) -> str:
+    """Return the time of the first violation, with its case if it is not that of the worst samples; empty if it is one of them."""
+    times = [(row.first_violation, row.case) for row in failing if row.first_violation is not None]
+    if not times:
+        return ""
+    time, case = min(times, key=lambda each: each[0])
+    if any((sample.time, sample.case) == (time, case) for sample in worst):
+        return ""
+    text = "" if case is None or {sample.case for sample in worst} == {case} else describe_cases([case], run)
+    return f"first{time_text(time)}" + (f" in {text}" if text else "")
+
+
+def time_text(time: float | None) -> str:
+    """Return ` at 1.2 s`; empty without a time."""
+    return "" if time is None else f" at {time:.6g} s"
