@@ -187,7 +187,7 @@ def test_what_a_killed_command_left_is_a_problem(monkeypatch, tmp_path):
     left = [ObjectChange(0x6067, 0, b"\x07\0\0\0")]
     monkeypatch.setattr("hw_bridge.commission.nvm.unrestored_objects", lambda *_: left)
     findings = hil.unready(master, node)
-    assert findings.problems[0].startswith("axis: still tells an error (1001h is 11h)")
+    assert findings.problems[0].startswith("axis: reports an earlier error (1001h is 11h)")
     assert findings.problems[1].startswith(
         "axis: a killed command left 1 objects as it wrote them. Reset, then restore"
     )
@@ -233,7 +233,13 @@ def test_an_absurd_limit_is_a_problem():
             False,
             "axis: is in Fault, and does not say why. Reset: Fault. Its cause is still there.",
         ),
-        ({(0x1001, 0): 0x10}, [], State.DISABLED, True, "axis: still tells an error (1001h is 10h). Reset: Switch on"),
+        (
+            {(0x1001, 0): 0x10},
+            [],
+            State.DISABLED,
+            True,
+            "axis: reports an earlier error (1001h is 10h). Reset: Switch on",
+        ),
         ({(0x6041, 0): WORDS[State.FAULT]}, ["another.", "wrong."], None, False, "differs: another. wrong."),
         (
             {(0x6041, 0): WORDS[State.ENABLED], (0x1001, 0): 0x10},

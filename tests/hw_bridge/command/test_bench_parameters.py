@@ -171,7 +171,7 @@ def test_objects_that_a_drive_does_not_have_are_told_in_a_dump(run, tmp_path):
 def test_what_is_stored_is_shown_beside_a_dump(run, tmp_path):
     assert run("store", "axis") == (
         "note: there is no dump of this drive to compare with. Take one before you change it: twin hil dump "
-        "axis: all parameters are stored."
+        "axis -f bench.yaml before.dcf axis: all parameters are stored."
     )
     file = tmp_path / "a.dcf"
     run("dump", "axis", str(file))
