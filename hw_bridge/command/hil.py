@@ -37,6 +37,7 @@ __all__ = ["bench_network", "command", "compare_bus", "profile_title_of"]
 
 WRITE_HEAD = ("object", "name", "before", "after", "why")
 RAW = re.compile(r" \([^()]*\)$")  # value in the drive's own unit, behind a quantity
+SHOWN = 4  # names of objects that an interrupted run has left
 PDO_OBJECT = re.compile(r"1[4-9AB]")  # 1400h to 1BFFh
 
 HARDWARE = click.option(
@@ -323,7 +324,7 @@ def note_leftovers(node: Node, file: Path, folder: Path) -> None:
         return
     if left:
         paragraph(
-            f"note: {node.name}: {len(left)} objects hold what an interrupted run wrote: {', '.join(change.name for change in left)}. Restore them: "
+            f"note: {node.name}: {len(left)} objects hold what an interrupted run wrote: {', '.join(change.name for change in left[:SHOWN])}{', ...' if len(left) > SHOWN else ''}. Restore them: "
             f"twin hil restore {node.name} -f {file}. The next run does it first, too."
         )
 

@@ -59,10 +59,10 @@ class Reference:
         return not self.keys.simulated and self.path.is_file()
 
     def position(self, node: Node) -> float:
-        """Position of a drive whose reference is valid [m or rad]. Only reads."""
-        assert self.own.homing is not None
+        """Position of a drive whose reference is valid, else from where 6064h is 0 [m or rad]. Only reads."""
         raw = int.from_bytes(node.sdo.read(0x6064), "little", signed=True)
-        return node.sign * raw * node.units.position + self.own.homing.at
+        at = self.own.homing.at if self.own.homing is not None and not self.problem(node) else 0.0
+        return node.sign * raw * node.units.position + at
 
     def problem(self, node: Node) -> str:
         """Return why the reference is not valid, or an empty string."""

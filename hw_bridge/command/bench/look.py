@@ -41,12 +41,17 @@ def scan_command(bus: BusChoice) -> None:
     twin hil scan -f my_bench.yaml
     """
     from hw_bridge.commission import membership_problems, scan
+    from hw_bridge.hardware import HardwareKeys
 
     with bus.sdo_session() as sdo_session:
         nodes = scan(sdo_session)
         names = {key.node: name for name, key in sdo_session.keys.items()}
+        master = bus.keys.master if bus.keys is not None else HardwareKeys.model_fields["master"].default
         for item in nodes:
             name = f" ({names[item.node]})" if item.node in names else ""
+            if item.node == master and item.problem:
+                say(f"node {item.node}: heartbeat of a program that commands drives, such as twin hil or twin run")
+                continue
             say(f"node {item.node}{name}: {item.title or 'not understood'}")
             vendor, product, revision, serial = item.identity
             if item.problem:

@@ -134,10 +134,12 @@ def assert_inside(axis: Axis, goal: float, here: float | None) -> None:
     """Raise SimulationError for a goal outside of limits.position, before power. `here`: None for positions from start."""
     (low, high), to_text = axis.keys.limits.position, axis.format_quantity
     if not low <= goal <= high:
-        origin = "start" if here is None else f"reference (it is at {to_text(here)})"
+        origin, stands = "start", ""
+        if here is not None:
+            origin, stands = "reference", f"it is at {to_text(round(here, 5))}. "
         raise SimulationError(
-            f"{axis.name}: {to_text(goal)} from {origin} is outside of limits.position, {to_text(low)} to {to_text(high)}. "
-            "Nothing was enabled."
+            f"{axis.name}: {to_text(round(goal, 5))} from {origin} is outside of limits.position, {to_text(low)} to "
+            f"{to_text(high)}. {stands.capitalize()}Nothing was enabled."
         )
 
 

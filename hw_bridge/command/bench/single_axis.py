@@ -172,10 +172,11 @@ def single_axis_session(
         if origin == REFERENCE and problem:
             raise SimulationError(f"{name}: no reference: {problem} Home it: {command_line(bus, 'home', name)}")
         counts_from_reference = not (homes or problem or origin == START)
+        here = reference.position(drive)
         if check is not None:
-            check(reference.position(drive) if counts_from_reference else None)
+            check(here if counts_from_reference else None)
         if not homes and axis.keys.homing is not None and not keys.simulated:
-            say_origin(name, origin, problem)
+            say_origin(axis, origin, problem, here)
         session = SingleAxisSession(restrict_to_node(keys, name, homes), name, network, axis.rotary, forced)
         session.node.has_reference = not (homes or problem)  # until the stop, which finds whether it is lost
         session.master.before_power = reference.forget
@@ -223,12 +224,21 @@ def reported_end(
             paragraph(bus.complete(f"warning: {note}"))
 
 
-def say_origin(name: str, origin: str | None, problem: str) -> None:
-    """Print what positions and limits count from, where that is not the reference."""
+def say_origin(axis: Axis, origin: str | None, problem: str, here: float) -> None:
+    """Print what positions and limits count from, where that is not the reference, or where it stands outside of the limits."""
+    name, (low, high) = axis.name, axis.keys.limits.position
     if problem:
-        paragraph(f"{name}: positions and limits count from here, an end stop may be nearer: {problem}")
+        paragraph(
+            f"{name}: positions and limits count from here, an end stop may be nearer: {problem} It is "
+            f"{axis.format_quantity(here)} from where it was switched on, if 6064h counts from there."
+        )
     elif origin == START:
         paragraph(f"note: {name}: --from-start: positions and limits count from here, an end stop may be nearer.")
+    elif not low <= here <= high:
+        paragraph(
+            f"note: {name}: it is at {axis.format_quantity(here)}, outside of limits.position: it may only go inside, and has "
+            "no software limits of its own in this command."
+        )
 
 
 def save_reference(session: SingleAxisSession, reference: Reference, was_homed: bool) -> bool:

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from hw_bridge.bus import MILLISECOND
 from hw_bridge.command import hil
-from hw_bridge.commission import planned_rows
+from hw_bridge.commission import planned_rows, softer_stop
 from hw_bridge.commission.bus_scan import DUPLICATE_ID, ScannedNode
 from hw_bridge.dictionary import State
 from hw_bridge.hardware import HardwareKeys, load
@@ -176,6 +176,18 @@ def test_what_a_run_would_write_is_shown(capsys):
     assert all(row.object in brief for row in planned if not hil.PDO_OBJECT.match(row.object))
     assert "17 more  PDOs, 1400h.2 to 1A01h.2" in brief
     assert "limits.velocity" not in brief.partition("object ")[2]
+
+
+@pytest.mark.parametrize(("own", "is_softer"), [(10_000, True), (3_000, False), (2_000, False)])
+def test_a_quick_stop_that_is_softer_than_the_drives_own_is_noted(own, is_softer):
+    node = unconnected_node(
+        values={(0x6085, 0): own}, limits={"acceleration": "3 m/s^2"}, units={"acceleration": "1 mm/s^2"}
+    )
+    note = (
+        "axis: during a run the quick stop brakes with 3 m/s^2 (limits.acceleration), softer than the drive's own 10 m/s^2 "
+        "(6085h). If the machine bears more, raise limits.acceleration."
+    )
+    assert softer_stop(plan_drive(node, 5 * MILLISECOND, 127)) == [note] * is_softer
 
 
 def test_what_a_killed_command_left_is_a_problem(monkeypatch, tmp_path):

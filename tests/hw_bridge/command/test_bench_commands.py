@@ -3,6 +3,7 @@
 import itertools
 import re
 from contextlib import contextmanager
+from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import ANY
 
@@ -384,3 +385,23 @@ def test_what_is_typed_counts_before_the_environment(tmp_path, monkeypatch, word
     assert bus.hardware == (path if file else None)
     assert (bus.bit_rate, bus.options, bus.trace, str(bus.build)) == (1_000_000, {}, None, "build")
     assert (bus.interface, bus.channel) == (("virtual", "x") if words else (None, None))
+
+
+@pytest.mark.parametrize(
+    ("text", "real", "completed"),
+    [
+        ("Restore them first: twin hil restore 1", False, "Restore them first: twin hil restore 1 -f b.yaml"),
+        ("`twin hil disable 3` brings it to rest", True, "`twin hil disable 3 -f b.yaml` brings it to rest"),
+        ("(twin hil jog axis). Else", True, "(twin hil jog axis -f b.yaml --arm). Else"),
+        ("twin hil set 3 605Ah 2.", False, "twin hil set 3 605Ah 2 -f b.yaml."),
+        ("with `twin hil reset FILE`.", False, "with `twin hil reset b.yaml`."),
+        ("twin hil restore axis -f FILE.", False, "twin hil restore axis -f b.yaml."),
+        ("twin hil home axis -f c.yaml", False, "twin hil home axis -f c.yaml"),
+    ],
+)
+def test_remedies_run_as_they_are_printed(monkeypatch, tmp_path, text, real, completed):
+    monkeypatch.setattr(BusChoice, "is_software", not real)
+    bus = BusChoice(Path("b.yaml"), None, None, 1_000_000, {}, None, tmp_path)
+    assert bus.complete(text) == completed
+    other = BusChoice(None, "socketcan", "can0", 1_000_000, {}, None, tmp_path)
+    assert other.complete("twin hil store 1") == "twin hil store 1 -i socketcan -c can0"
