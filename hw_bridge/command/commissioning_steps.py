@@ -178,10 +178,8 @@ def hint(step: Step, entry: Entry, axis: Axis) -> str:
     low, high = bounds(step, entry, axis)
     if not math.isfinite(high):
         return "within the limits"
-    if entry is BY and step.word == "move":  # from wherever it is
-        low, high = axis.keys.limits.position
-        most = axis.format_quantity(ROUND[axis.unit])
-        return f"ends at {axis.format_quantity(low)} to {axis.format_quantity(high)}; before homing up to {most}"
+    if entry is BY and step.word == "move":
+        return f"before homing up to {axis.format_quantity(ROUND[axis.unit])}"
     most = axis.format_quantity(high, entry.per or "")
     return f"up to {most}" if low == 0.0 and entry is not TO else f"{axis.format_quantity(low)} to {most}"
 
@@ -206,8 +204,11 @@ def problem(step: Step, entry: Entry, text: str, axis: Axis, position: float | N
             why = f"it is at {to_text(position)}" if is_homed else "it is not homed, and an end stop may be nearer"
             return f"Expected {to_text(low)} to {to_text(high)}: {why}."
     slack = ROUNDING * abs(high)
+    expected = (
+        f"{axis.format_quantity(low)} to {axis.format_quantity(high)}" if entry is BY else hint(step, entry, axis)
+    )
     is_inside = low - slack <= value <= high + slack and (value != 0.0 or entry is TO)
-    return None if is_inside else f"Expected {hint(step, entry, axis)}{'' if value else ', not 0'}."
+    return None if is_inside else f"Expected {expected}{'' if value else ', not 0'}."
 
 
 def _reach(axis: Axis) -> tuple[float, float]:

@@ -18,7 +18,7 @@ from hw_bridge.command.bench.motion import ramp
 from hw_bridge.command.bench.step import SHOWN
 from hw_bridge.command.commissioning_steps import ANY_TIME, READING, STEPS, Entry, Step
 from hw_bridge.command.progress import Outcome
-from hw_bridge.command.running_card import CURVES_PATH, live_state, now
+from hw_bridge.command.running_card import CHECK, CURVES_PATH, armed, changed_file, live_state, now
 from hw_bridge.command.typed import Typed
 from hw_bridge.commission import homing
 from hw_bridge.hardware import NodeKeys
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
 TITLE = "Commissioning"
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")  # of a node
-(CHECK,) = (step for step in READING if step.word == "check")
 LOOKS = {  # of a step's number, by what has become of it
     "open": "done-color=soft",
     "done": "icon=check done-icon=check color=positive done-color=positive",
@@ -56,6 +55,7 @@ class Page:
         self.console, self.is_operator, self.typed = console, is_operator, typed
         self.folder = console.runs / "commissioning"
         self.commissioned: set[str] = set()  # drives whose steps need no order
+        self.positions = dict[str, float | None]()  # as last read
         self.updates: list[
             Callable[[], None]
         ] = []  # of buttons and steps, when a command begins, ends or a field changes
@@ -64,6 +64,13 @@ class Page:
         """Update all buttons and steps."""
         for update in self.updates:
             update()
+
+    def update_positions(self) -> None:
+        """Update all where a drive was read at another position, which bounds the next motion."""
+        positions = {name: self.typed.position(name) for name in self.typed.axes}
+        if positions != self.positions:
+            self.positions = positions
+            self.update()
 
     async def run_as_operator(self, what: Callable[[], None]) -> None:
         """Run an action outside of the server's loop if this page is the operator's; show its error."""
@@ -171,38 +178,7 @@ def build(page: Page) -> None:
                             for command_step in READING:
                                 step_button(page, command_step, name, {})
     page.update()
-
-
-def changed_file(page: Page) -> None:
-    """Sentence that the hardware file was read again, until it is checked."""
-    from nicegui import ui
-
-    typed = page.typed
-    kind, text = file_state(typed)
-    notice = ui.label(text).classes(f"twin-state twin-{kind}").props("role=alert")
-
-    def update() -> None:
-        notice.visible = bool(typed.file_problem) or not page.is_done(CHECK, "")
-
-    page.updates.append(update)
-
-
-def file_state(typed: Typed) -> tuple[str, str]:
-    """Kind and sentence of a hardware file that was read again."""
-    clock = time.strftime("%H:%M:%S", time.localtime(typed.read_again))
-    if typed.file_problem:
-        return "bad", f"Changed at {clock}, and cannot be used: {typed.file_problem} What is shown below is of before."
-    return (
-        "warn",
-        f"{typed.file.name} has changed and was read again at {clock}: do check and the steps after it again.",
-    )
-
-
-def armed(typed: Typed) -> tuple[str, str]:
-    """Whether anything may move, and its label."""
-    if typed.keys.is_software():
-        return "good", "simulated drives"
-    return ("warn", "armed: drives may move") if typed.console.arm else ("good", "not armed: nothing moves from here")
+    ui.timer(FILE_PERIOD, page.update_positions)
 
 
 def drive(page: Page, drive_axis: Axis) -> None:

@@ -1,4 +1,4 @@
-"""Cards of the commissioning page: the live state between commands, and the running command with its values and output."""
+"""Cards of the commissioning page: the live state, the state of the hardware file, the running command with its output."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from hw_bridge.command.bench.single_axis import STOPPED_IN_STATE
 from hw_bridge.command.bench.step import SHOWN
+from hw_bridge.command.commissioning_steps import READING
 from hw_bridge.command.progress import STOPPED, Outcome, has_lost_page, outcome
 from hw_bridge.command.state_watch import RETRY_PERIOD
 from hw_bridge.commission import ATTENDED, HOLD
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from hw_bridge.command.pages import Page
     from hw_bridge.command.typed import Typed
 
+(CHECK,) = (step for step in READING if step.word == "check")
 ENDED = ("jog", "enable")  # by the person, in an orderly way
 REFRESH_PERIOD = 0.1  # of the running command [s]
 CURVES_PATH = "/commissioning/curves"
@@ -71,7 +73,7 @@ def state_text(typed: Typed) -> str:
         if not watch.latest:
             return f'<p class="twin-soft">{reason}</p>'
         age = f"{time.monotonic() - watch.read_at:.0f} s ago. {reason}"
-        return f'<div class="twin-past">{state_lines(watch.latest)}<p class="twin-soft">{age}</p></div>'
+        return f'<div class="twin-past"><p>{age}</p>{state_lines(watch.latest)}</div>'
     return state_lines(watch.rows)
 
 
@@ -88,6 +90,38 @@ def state_lines(nodes: dict[str, list[tuple[str, str]]]) -> str:
         )
         lines.append(f"<p><b>{escape(name)}</b>{text}</p>")
     return "".join(lines)
+
+
+def changed_file(page: Page) -> None:
+    """Sentence that the hardware file was read again, until it is checked."""
+    from nicegui import ui
+
+    typed = page.typed
+    kind, text = file_state(typed)
+    notice = ui.label(text).classes(f"twin-state twin-{kind}").props("role=alert")
+
+    def update() -> None:
+        notice.visible = bool(typed.file_problem) or not page.is_done(CHECK, "")
+
+    page.updates.append(update)
+
+
+def file_state(typed: Typed) -> tuple[str, str]:
+    """Kind and sentence of a hardware file that was read again."""
+    clock = time.strftime("%H:%M:%S", time.localtime(typed.read_again))
+    if typed.file_problem:
+        return "bad", f"Changed at {clock}, and cannot be used: {typed.file_problem} What is shown below is of before."
+    return (
+        "warn",
+        f"{typed.file.name} has changed and was read again at {clock}: do check and the steps after it again.",
+    )
+
+
+def armed(typed: Typed) -> tuple[str, str]:
+    """Whether anything may move, and its label."""
+    if typed.keys.is_software():
+        return "good", "simulated drives"
+    return ("warn", "armed: drives may move") if typed.console.arm else ("good", "not armed: nothing moves from here")
 
 
 def now(page: Page) -> None:

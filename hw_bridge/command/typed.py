@@ -113,7 +113,7 @@ class Typed:
 
     def position(self, node: str) -> float | None:
         """Position of a drive from its reference as last read [m or rad], infinite if it is not homed, None if unknown."""
-        text = next((value for title, value in self.watch.latest.get(node, []) if title.startswith("6064h")), "")
+        text = next((value for title, value in self.watch.rows.get(node, []) if title.startswith("6064h")), "")
         if self.keys.simulated or self.axes[node].keys.homing is None or text.endswith("not homed"):
             return math.inf
         match = HOMED_AT.match(text)

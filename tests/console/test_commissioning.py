@@ -321,7 +321,7 @@ LINEAR = {
     ("jog", "distance", "1 m"): None,
     ("move", "by", ""): None,
     ("move", "by", "-90 mm"): None,
-    ("move", "by", "91 mm"): "Expected ends at -45 mm to 45 mm; before homing up to 10 mm.",
+    ("move", "by", "91 mm"): "Expected -90 mm to 90 mm.",
     ("move", "by", "0 2 mm"): "by: expected a number with its unit, such as '1 mm'.",
     ("move", "to", "0 mm"): None,
     ("move", "to", "46 mm"): "Expected -45 mm to 45 mm.",

@@ -10,9 +10,9 @@ from types import SimpleNamespace
 import pytest
 
 from hw_bridge.command.bench.motion import READY
-from hw_bridge.command.pages import SIMULATED, TITLE, Page, armed, fill
+from hw_bridge.command.pages import SIMULATED, TITLE, Page, fill
 from hw_bridge.command.progress import Outcome
-from hw_bridge.command.running_card import TILES
+from hw_bridge.command.running_card import TILES, armed
 from hw_bridge.command.typed import Typed
 from twin import web
 from twin.errors import TwinError
@@ -135,7 +135,7 @@ def test_a_simulated_bench(typed, build):
         ("speed", "2 mm/s", "up to 80 mm/s"),
         ("acceleration", "0.4 m/s^2", "up to 4 m/s^2"),
         ("at most, each way", "10 mm", "within the limits"),
-        ("by", "", "ends at -20 mm to 30 mm; before homing up to 10 mm"),
+        ("by", "", "before homing up to 10 mm"),
         ("to (from home)", "", "-20 mm to 30 mm"),
         ("speed", "2 mm/s", "up to 80 mm/s"),
         ("acceleration", "0.4 m/s^2", "up to 4 m/s^2"),
