@@ -335,7 +335,9 @@ def test_the_card_of_a_running_command(typed, build):
     runner.running = False
     page = build(runner)
     assert (page.labels[-1], page.spins, page.charts) == (runner.line, False, [False])
-    runner.motion.process_output("  position 1.00 mm from start, velocity 0.00 mm/s, current 0.00 A, Switched on   \r")
+    runner.motion.process_output(
+        "  position 1.00 mm from start, velocity 0.00 mm/s, current 0.00 A, Operation enabled   \r"
+    )
     page = build(runner)
     assert (page.charts, page.labels.count("from start")) == ([True], 1)
 
