@@ -57,7 +57,7 @@ class Page:
         self.commissioned: set[str] = set()  # drives whose steps need no order
         self.positions = dict[str, float | None]()  # as last read
         self.updates: list[
-            Callable[[], None]
+            Callable[[], object]
         ] = []  # of buttons and steps, when a command begins, ends or a field changes
 
     def update(self) -> None:

@@ -71,7 +71,7 @@ def rows(node: Station, addresses: tuple[tuple[int, int], ...], reference: Refer
 
 
 def position_text(node: Node, reference: Reference, text: str) -> str:
-    """Position from the reference beside 6064h, `text`; while a command moves the drive its reference is open."""
+    """Position from the reference, with 6064h as `text`; while a command moves the drive its reference is open."""
     own = f"6064h {text.partition(' (')[0]}"
     if state_of(node.sdo.number(0x6041) & 0xFFFF) is State.ENABLED:
         return f"{own}, moved by a program"

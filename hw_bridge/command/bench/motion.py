@@ -102,21 +102,21 @@ def move_command(
         origin = REFERENCE
     axis = select_axis(bus, node)
     speed, rate = ramp(axis, velocity, acceleration)
-    way = axis.si(to, "--to") if to is not None else axis.si(by or "0", "--by")
+    length = axis.si(to, "--to") if to is not None else axis.si(by or "0", "--by")
     reach = ROUND[axis.unit] if distance is None else abs(axis.si(distance, "--distance"))
 
     def check(position: float | None) -> None:
-        if position is None and abs(way) > reach * (1.0 + ROUNDING):
+        if position is None and abs(length) > reach * (1.0 + ROUNDING):
             raise SimulationError(
-                f"{axis.name}: --by {axis.format_quantity(way)} from where it stands is more than "
+                f"{axis.name}: --by {axis.format_quantity(length)} from where it stands is more than "
                 f"{axis.format_quantity(reach)}, and an end stop may be nearer. Home it first, take a smaller --by, or "
-                f"allow it by --distance '{axis.format_quantity(abs(way))}'."
+                f"allow it by --distance '{axis.format_quantity(abs(length))}'."
             )
-        assert_inside(axis, way if to is not None else (position or 0.0) + way, position)
+        assert_inside(axis, length if to is not None else (position or 0.0) + length, position)
 
     with single_axis_session(bus, axis, arm, origin=origin, check=check) as session:
         begin = session.node.position
-        goal = way if to is not None else begin + way
+        goal = length if to is not None else begin + length
         check_target(session, goal)
         paragraph(
             f"{session.node.name}: from {session.node.format_length(begin)} to {session.node.format_length(goal)} at "
