@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-CAPACITY = 18_000  # samples: ten minutes at thirty a second
+CAPACITY = 18_000  # samples: a quarter of an hour at twenty a second
 CURVES = ("position", "current")
 
 

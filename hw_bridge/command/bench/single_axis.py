@@ -27,7 +27,7 @@ SERIAL = "hw_bridge.serial"  # of click's context
 REFERENCE, START = "reference", "start"  # what positions count from, where the command line says so
 REFERENCE_VALID = "The reference is kept."  # after a stop
 LINE_PERIOD = 100_000_000  # of the line with live values in a terminal [ns]
-PAGE_PERIOD = 30_000_000  # and on a page, which draws them [ns]
+PAGE_PERIOD = 50_000_000  # and on a page, which draws them [ns]
 LIVE_VALUES = re.compile(  # what `show_live` prints for a page
     r"(?P<mark>[<> ]) position +(?P<position>\S+) (?P<unit>\S+) (?P<origin>[a-z ]+), velocity +(?P<velocity>\S+ \S+), "
     r"current +(?P<current>\S+) A, (?P<state>.+?)   "
@@ -273,8 +273,9 @@ def after_stop(bus: BusChoice, session: SingleAxisSession, reference: str) -> st
     command = f"twin hil reset {bus.hardware}" if in_fault else command_line(bus, "jog", node.name)
     position = f"{node.format_length(node.position)} {session.origin}"
     return (
-        f" {node.name}: power is off ({node.state}), at {position}. {reference}{' ' if reference else ''}"
-        f"Next, once the cause is removed: {command}"
+        f" {node.name}: power is off ({node.state}), at {position}. {reference}"
+        f"{'; next' if reference and not reference.endswith('.') else ' Next' if reference else 'Next'}, once the cause is "
+        f"removed: {command}"
     )
 
 

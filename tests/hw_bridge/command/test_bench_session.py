@@ -187,13 +187,13 @@ def test_warnings_of_a_session_are_an_error_at_its_end(session, capsys):
             State.DISABLED,
             True,
             "",
-            "lost: twin hil home axis -f FILE Next, once the cause is removed: twin hil jog axis -f FILE",
+            "lost: twin hil home axis -f FILE; next, once the cause is removed: twin hil jog axis -f FILE",
         ),
         (
             State.FAULT,
             False,
             "",
-            "lost: twin hil home axis -f FILE Next, once the cause is removed: twin hil reset FILE",
+            "lost: twin hil home axis -f FILE; next, once the cause is removed: twin hil reset FILE",
         ),
         (
             State.ENABLED,
