@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 QUANTITY = re.compile(r"[-+]?[0-9.]+([eE][-+]?[0-9]+)? ?[A-Za-z°µ/^*0-9]*")  # the command says what it means
 LONGEST = 40  # characters of it
+NOT_HOMED = math.inf  # instead of a position
 ROUNDING = 1e-9  # relative; of a limit that is shown in another unit
 FILE_INDEPENDENT = frozenset({"status", "dump", "compare"})  # they concern the node itself
 VARIANTS = frozenset({"--by-hand"})  # options that make another step of the same command
@@ -47,7 +48,7 @@ DISTANCE, FROM_START = (
 class Step:
     """A command with its fields. `always`: options of this button. `is_bus_wide`: it names no node.
 
-    `after`: command that must have succeeded before, unless the drive was commissioned earlier.
+    `after`: command that must have succeeded before, unless the drive was commissioned earlier. `caption`: what it is for.
     """
 
     word: str
@@ -57,6 +58,7 @@ class Step:
     always: tuple[str, ...] = ()
     is_bus_wide: bool = False
     after: str = ""
+    caption: str = ""
 
     @property
     def title(self) -> str:
@@ -65,16 +67,29 @@ class Step:
 
 
 READING = (
-    Step("scan", "scan", "Asks all node-IDs of the bus. Nothing is written.", is_bus_wide=True),
-    Step("status", "status", "State, limits, temperatures, voltages, and the last errors with a remedy."),
-    Step("dump", "dump", "Saves all objects of the drive in a DCF file, before anything changes them."),
-    Step("compare", "compare", "Shows what differs between the drive and its dump."),
+    Step(
+        "scan", "scan", "Asks all node-IDs of the bus. Nothing is written.", is_bus_wide=True, caption="Find the nodes"
+    ),
+    Step(
+        "status",
+        "status",
+        "State, limits, temperatures, voltages, and the last errors with a remedy.",
+        caption="Read the drive",
+    ),
+    Step(
+        "dump",
+        "dump",
+        "Saves all objects of the drive in a DCF file, before anything changes them.",
+        caption="Save the drive",
+    ),
+    Step("compare", "compare", "Shows what differs between the drive and its dump.", caption="Compare with the save"),
     Step(
         "check",
         "check",
         "Lists what differs from the hardware file, and each object that a run writes, before and after.",
         (Entry("verbose", "also reasons, the drive's own settings, and the effect of each limit", None),),
         is_bus_wide=True,
+        caption="Check the file",
     ),
 )
 STEPS = (  # in the order of the first-motion page
@@ -85,6 +100,7 @@ STEPS = (  # in the order of the first-motion page
         "A push of slowly growing force both ways, a few increments far: does the encoder count the way "
         "the motor goes? Nothing holds the axis meanwhile.",
         after="check",
+        caption="Does the encoder count with the motor?",
     ),
     Step(
         "direction",
@@ -92,13 +108,15 @@ STEPS = (  # in the order of the first-motion page
         "Power off: move it to where positions of the member grow, within 20 s. Is `inverted` right?",
         always=("--by-hand",),
         after="check",
+        caption="Does the member count the same way?",
     ),
     Step(
         "jog",
         "power on for a jog",
-        "Then it moves while you hold a button or an arrow key.",
+        "Then it moves while you hold a button or an arrow key. Move it both ways, then press End.",
         (VELOCITY, ACCELERATION, DISTANCE, FROM_START),
         after="direction",
+        caption="Move while a button is held",
     ),
     Step(
         "move",
@@ -106,14 +124,16 @@ STEPS = (  # in the order of the first-motion page
         "Goes there with a ramp, rests, and is disabled.",
         (BY, TO, VELOCITY, ACCELERATION, FROM_START),
         after="jog",
+        caption="Go to a position",
     ),
-    Step("home", "home", "", after="jog"),
+    Step("home", "home", "", after="jog", caption="Find the reference position"),
     Step(
         "step",
         "step",
         "A small jump of its target, drawn beside the simulated drive's.",
         (BY, Entry("explain", "find the gains that explain a difference", None)),
         after="jog",
+        caption="Measure the response",
     ),
 )
 ANY_TIME = (
@@ -158,15 +178,17 @@ def hint(step: Step, entry: Entry, axis: Axis) -> str:
     low, high = bounds(step, entry, axis)
     if not math.isfinite(high):
         return "within the limits"
-    if entry is BY and step.word == "move":  # from wherever it is
-        low, high = axis.keys.limits.position
-        return f"a way that ends within {axis.format_quantity(low)} to {axis.format_quantity(high)}"
+    if entry is BY and step.word == "move":
+        return f"before homing up to {axis.format_quantity(ROUND[axis.unit])}"
     most = axis.format_quantity(high, entry.per or "")
     return f"up to {most}" if low == 0.0 and entry is not TO else f"{axis.format_quantity(low)} to {most}"
 
 
-def problem(step: Step, entry: Entry, text: str, axis: Axis) -> str | None:
-    """What is wrong with the text of a field, before the command checks it."""
+def problem(step: Step, entry: Entry, text: str, axis: Axis, position: float | None = None) -> str | None:
+    """What is wrong with the text of a field, before the command checks it.
+
+    `position`: from the reference as last read, `NOT_HOMED`, or None if it is unknown.
+    """
     if not (text := text.strip()):
         is_optional = step.word == "move" and entry in (BY, TO)
         return None if is_optional else f"Expected a value: {hint(step, entry, axis)}."
@@ -175,9 +197,22 @@ def problem(step: Step, entry: Entry, text: str, axis: Axis) -> str | None:
     except TwinError as error:
         return str(error)
     low, high = bounds(step, entry, axis)
+    if entry is BY and step.word == "move" and position is not None:
+        is_homed, to_text = position != NOT_HOMED, axis.format_quantity
+        low, high = (low_high - position for low_high in axis.keys.limits.position) if is_homed else _reach(axis)
+        if not low - ROUNDING <= value <= high + ROUNDING:
+            why = f"it is at {to_text(position)}" if is_homed else "it is not homed, and an end stop may be nearer"
+            return f"Expected {to_text(low)} to {to_text(high)}: {why}."
     slack = ROUNDING * abs(high)
+    expected = (
+        f"{axis.format_quantity(low)} to {axis.format_quantity(high)}" if entry is BY else hint(step, entry, axis)
+    )
     is_inside = low - slack <= value <= high + slack and (value != 0.0 or entry is TO)
-    return None if is_inside else f"Expected {hint(step, entry, axis)}{'' if value else ', not 0'}."
+    return None if is_inside else f"Expected {expected}{'' if value else ', not 0'}."
+
+
+def _reach(axis: Axis) -> tuple[float, float]:
+    return -ROUND[axis.unit], ROUND[axis.unit]
 
 
 def missing(step: Step, values: dict[str, Any]) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.options import OptionError, paragraph, table
+from hw_bridge.command.bench.options import BusChoice, OptionError, paragraph, table
 from hw_bridge.commission import (
     DUPLICATE_ID,
     SdoSession,
@@ -37,6 +37,7 @@ __all__ = ["bench_network", "command", "compare_bus", "profile_title_of"]
 
 WRITE_HEAD = ("object", "name", "before", "after", "why")
 RAW = re.compile(r" \([^()]*\)$")  # value in the drive's own unit, behind a quantity
+SHOWN = 4  # names of objects that an interrupted run has left
 PDO_OBJECT = re.compile(r"1[4-9AB]")  # 1400h to 1BFFh
 
 HARDWARE = click.option(
@@ -161,6 +162,9 @@ def check(file: Path | None, hardware: Path | None, verbose: bool, build: Path) 
     findings.tables += [
         (f"{', '.join(names)}: effect of each limit", rows) for names, rows in limit_effects.grouped(keys, absent)
     ]
+    bus = BusChoice(file, None, None, keys.bit_rate, {}, None, build)
+    for texts in (findings.problems, findings.notes):
+        texts[:] = map(bus.complete, texts)
     findings.show(verbose)
     paragraph(findings.verdict)
     if findings.problems:
@@ -212,7 +216,7 @@ def compare_bus(
 
 def unready(master: Master, station: Node | ModuleNode) -> Findings:
     """Return why a matching node could not be run now, what a run would write, and notes."""
-    from hw_bridge.commission import inspect, limits, planned_rows, write_heading
+    from hw_bridge.commission import inspect, limits, planned_rows, softer_stop, write_heading
     from hw_bridge.master import Node, setup
 
     left = unrestored(master, station)
@@ -231,7 +235,7 @@ def unready(master: Master, station: Node | ModuleNode) -> Findings:
         (f"{station.name}: {group}, unchanged unless the hardware file sets it:", values)
         for group, values in inspection.groups.items()
     ]
-    findings.notes += inspection.notes
+    findings.notes += [*inspection.notes, *softer_stop(plan)]
     findings.notes.append(stall_bounds.bound(master.keys, station.name, station.keys, station.rotary, station.mirror))
     fault = setup.faults(station)
     for text, is_absurd in limits.wider(station, limits.compare(station)):
@@ -320,7 +324,7 @@ def note_leftovers(node: Node, file: Path, folder: Path) -> None:
         return
     if left:
         paragraph(
-            f"note: {node.name}: {len(left)} objects hold what an interrupted run wrote: {', '.join(change.name for change in left)}. Restore them: "
+            f"note: {node.name}: {len(left)} objects hold what an interrupted run wrote: {', '.join(change.name for change in left[:SHOWN])}{', ...' if len(left) > SHOWN else ''}. Restore them: "
             f"twin hil restore {node.name} -f {file}. The next run does it first, too."
         )
 

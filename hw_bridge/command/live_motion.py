@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hw_bridge.command.bench.single_axis import LIVE_VALUES
+from hw_bridge.commission import IN_DRIVE
+from hw_bridge.dictionary import State
 from twin import web
 
 if TYPE_CHECKING:
@@ -17,14 +19,14 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-CAPACITY = 18_000  # samples: half an hour at ten a second
+CAPACITY = 18_000  # samples: a quarter of an hour at twenty a second
 CURVES = ("position", "current")
 
 
 class LiveMotion:
-    """The latest values of a motion as texts, and position and current over time since its begin (a `web.frames.CurveSource`).
+    """The latest values of a motion as texts, and position and current over time since power (a `web.frames.CurveSource`).
 
-    `has_moved`: the command has sent other targets than its first. Written by one thread, read by others.
+    `directions`: those in which the command has sent targets. Written by one thread, read by others.
     """
 
     def __init__(self) -> None:
@@ -34,9 +36,9 @@ class LiveMotion:
         """Forget the motion before."""
         self.state = self.position = self.velocity = self.current = self.direction = ""
         self.origin, self.unit = "", "mm"
-        self.has_moved = False
+        self.directions = set[str]()
         self._rest = ""  # of a line that has not ended
-        self._begin_time = time.monotonic()
+        self._begin_time = -1.0  # of the first sample with power
         self._samples: deque[tuple[float, float, float]] = deque(maxlen=CAPACITY)
 
     @property
@@ -48,15 +50,21 @@ class LiveMotion:
         """Take the values from a part of the command's output."""
         *lines, self._rest = re.split(r"[\r\n]", self._rest + text)
         for values in filter(None, map(LIVE_VALUES.match, lines)):
+            position, is_homed_now = float(values["position"]), self.origin == IN_DRIVE != values["origin"]
             self.unit, self.origin, self.state = values["unit"], values["origin"], values["state"]
             self.position, self.velocity = f"{values['position']} {self.unit}", values["velocity"]
             self.current = f"{values['current']} A"
             self.direction = {">": "positive", "<": "negative"}.get(values["mark"], "")
-            self.has_moved |= bool(self.direction)
-            if not self.origin.startswith("from"):
-                continue  # positions of the drive itself: in one curve with the others they would look like a jump
-            now = time.monotonic() - self._begin_time
-            self._samples.append((now, float(values["position"]), float(values["current"])))
+            self.directions |= {*filter(None, [self.direction])}
+            now = time.monotonic()
+            if not self._samples:
+                if self.state != State.ENABLED:
+                    continue
+                self._begin_time = now
+            elif is_homed_now:  # it stands where it was: all of the curve counts from the reference now
+                shift = position - self._samples[-1][1]
+                self._samples = deque(((t, p + shift, i) for t, p, i in self._samples), maxlen=CAPACITY)
+            self._samples.append((now - self._begin_time, position, float(values["current"])))
 
     def names(self) -> Collection[str]:
         """Names of the curves."""

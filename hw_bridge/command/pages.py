@@ -18,7 +18,7 @@ from hw_bridge.command.bench.motion import ramp
 from hw_bridge.command.bench.step import SHOWN
 from hw_bridge.command.commissioning_steps import ANY_TIME, READING, STEPS, Entry, Step
 from hw_bridge.command.progress import Outcome
-from hw_bridge.command.running_card import CURVES_PATH, live_state, now
+from hw_bridge.command.running_card import CHECK, CURVES_PATH, armed, changed_file, live_state, now
 from hw_bridge.command.typed import Typed
 from hw_bridge.commission import homing
 from hw_bridge.hardware import NodeKeys
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
 TITLE = "Commissioning"
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")  # of a node
-(CHECK,) = (step for step in READING if step.word == "check")
 LOOKS = {  # of a step's number, by what has become of it
     "open": "done-color=soft",
     "done": "icon=check done-icon=check color=positive done-color=positive",
@@ -56,14 +55,22 @@ class Page:
         self.console, self.is_operator, self.typed = console, is_operator, typed
         self.folder = console.runs / "commissioning"
         self.commissioned: set[str] = set()  # drives whose steps need no order
+        self.positions = dict[str, float | None]()  # as last read
         self.updates: list[
-            Callable[[], None]
+            Callable[[], object]
         ] = []  # of buttons and steps, when a command begins, ends or a field changes
 
     def update(self) -> None:
         """Update all buttons and steps."""
         for update in self.updates:
             update()
+
+    def update_positions(self) -> None:
+        """Update all where a drive was read at another position, which bounds the next motion."""
+        positions = {name: self.typed.position(name) for name in self.typed.axes}
+        if positions != self.positions:
+            self.positions = positions
+            self.update()
 
     async def run_as_operator(self, what: Callable[[], None]) -> None:
         """Run an action outside of the server's loop if this page is the operator's; show its error."""
@@ -145,8 +152,11 @@ def build(page: Page) -> None:
         if not keys.simulated:
             with ui.element("div").classes("twin-card twin-live"):
                 live_state(page)
-        with ui.element("div").classes("twin-card twin-hand"):
+        with ui.element("div").classes("twin-card twin-hand") as card:
             now(page)
+        page.updates.append(
+            lambda: card.classes(add="twin-moves") if typed.attended else card.classes(remove="twin-moves")
+        )
         with ui.element("div").classes("twin-card twin-curves"):
             bus = f"{keys.interface} {keys.channel}".strip() or "simulated: each command has a bus of its own"
             ui.label(keys.title or typed.file.name).classes("twin-h")
@@ -168,38 +178,7 @@ def build(page: Page) -> None:
                             for command_step in READING:
                                 step_button(page, command_step, name, {})
     page.update()
-
-
-def changed_file(page: Page) -> None:
-    """Sentence that the hardware file was read again, until it is checked."""
-    from nicegui import ui
-
-    typed = page.typed
-    kind, text = file_state(typed)
-    notice = ui.label(text).classes(f"twin-state twin-{kind}").props("role=alert")
-
-    def update() -> None:
-        notice.visible = bool(typed.file_problem) or not page.is_done(CHECK, "")
-
-    page.updates.append(update)
-
-
-def file_state(typed: Typed) -> tuple[str, str]:
-    """Kind and sentence of a hardware file that was read again."""
-    clock = time.strftime("%H:%M:%S", time.localtime(typed.read_again))
-    if typed.file_problem:
-        return "bad", f"Changed at {clock}, and cannot be used: {typed.file_problem} What is shown below is of before."
-    return (
-        "warn",
-        f"{typed.file.name} has changed and was read again at {clock}: do check and the steps after it again.",
-    )
-
-
-def armed(typed: Typed) -> tuple[str, str]:
-    """Whether anything may move, and its label."""
-    if typed.keys.is_software():
-        return "good", "simulated drives"
-    return ("warn", "armed: drives may move") if typed.console.arm else ("good", "not armed: nothing moves from here")
+    ui.timer(FILE_PERIOD, page.update_positions)
 
 
 def drive(page: Page, drive_axis: Axis) -> None:
@@ -224,7 +203,9 @@ def drive(page: Page, drive_axis: Axis) -> None:
     def is_done(command_step: Step) -> bool:
         return page.is_done(command_step, name)
 
-    first = steps.next_step(drive_axis, typed.keys.simulated, is_done) or STEPS[0]
+    first = steps.next_step(drive_axis, typed.keys.simulated, is_done) or max(
+        STEPS, key=lambda each: typed.progress.time_of(each, name) or 0.0
+    )
     items: list[tuple[Step, Element]] = []
     with (
         ui.stepper(value=first.title)
@@ -275,8 +256,10 @@ def step_state(page: Page, command_step: Step, drive_axis: Axis) -> tuple[str, s
     if reason := steps.unavailable(command_step, drive_axis, typed.keys.simulated):
         return look, reason.partition(". ")[0]
     if look in ("failed", "stopped"):
-        return look, look
-    return look, None if done_at is None else time.strftime("done %Y-%m-%d %H:%M", time.localtime(done_at))
+        return look, "failed" if look == "failed" else "not complete"
+    return look, (
+        command_step.caption if done_at is None else time.strftime("done %Y-%m-%d %H:%M", time.localtime(done_at))
+    )
 
 
 def step(page: Page, command_step: Step, drive_axis: Axis) -> None:
@@ -286,8 +269,11 @@ def step(page: Page, command_step: Step, drive_axis: Axis) -> None:
     values = dict[str, Any]()
     about, homing_keys = [command_step.about] if command_step.about else [], drive_axis.keys.homing
     if command_step.word == "home" and homing_keys is not None:
-        about = [f"Method {homing_keys.method}, then it is at {drive_axis.format_quantity(homing_keys.at)}:"]
-        about += [f"{number}. {text}" for number, text in enumerate(homing.explained(drive_axis.keys), 1)]
+        sequence, bounds = homing.explained(drive_axis, page.typed.keys)
+        about = [
+            f"Method {homing_keys.method}, the reference position is {drive_axis.format_quantity(homing_keys.at)}:"
+        ]
+        about += [*(f"{number}. {text}" for number, text in enumerate(sequence, 1)), bounds]
     for text in about:
         ui.label(text).classes("twin-soft")
     with ui.row().classes("full-width gap-2 twin-entries"):
@@ -315,11 +301,24 @@ def field(page: Page, command_step: Step, entry: Entry, values: dict[str, Any], 
     text = ui.input(
         entry.label,
         value=values[entry.option],
-        validation=lambda text: steps.problem(command_step, entry, text or "", drive_axis),
+        validation=lambda text: problem(page, command_step, entry, text or "", values, drive_axis),
         on_change=change,
     )
     text.props(f'hint="{steps.hint(command_step, entry, drive_axis)}" maxlength={steps.LONGEST}')
     text.props("dense outlined stack-label hide-bottom-space").classes("twin-entry")
+    page.updates.append(
+        lambda: text.validate(return_result=False)
+    )  # another field or a command may change what it may hold
+
+
+def problem(
+    page: Page, command_step: Step, entry: Entry, text: str, values: dict[str, Any], drive_axis: Axis
+) -> str | None:
+    """What is wrong with the text of a field, for the position where the drive is as far as read."""
+    position = page.typed.position(drive_axis.name)
+    if position is not None and values.get(steps.FROM_START.option):
+        position = steps.NOT_HOMED
+    return steps.problem(command_step, entry, text, drive_axis, position)
 
 
 def dump_choice(page: Page, name: str, values: dict[str, Any]) -> None:
@@ -356,7 +355,7 @@ def step_button(
         reason.text = refusal(page, command_step, name, values, drive_axis)
         reason.visible = bool(reason.text)
         is_wrong = drive_axis is not None and any(
-            steps.problem(command_step, entry, values[entry.option] or "", drive_axis)
+            problem(page, command_step, entry, values[entry.option] or "", values, drive_axis)
             for entry in command_step.entries
             if entry.per is not None and entry.option in values
         )
@@ -387,7 +386,7 @@ def begin_activity(console: Host) -> Typed:
     from nicegui import app
 
     typed = Typed(console)
-    web.frames.route(app, CURVES_PATH, lambda _: typed.motion if typed.motion.has_samples else None)
+    web.frames.route(app, CURVES_PATH, lambda _: typed.motion)
     return typed
 
 

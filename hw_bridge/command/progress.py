@@ -14,11 +14,12 @@ from hw_bridge.commission import PAGE_SILENT
 from twin.files import write_atomically
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Collection
     from pathlib import Path
 
     from hw_bridge.command.commissioning_steps import Step
 
+BOTH = 2  # directions of a jog
 STOPPED = 130  # exit code after Ctrl-C, which STOP and Esc send
 WARNING = re.compile(r"^warning: ", re.MULTILINE)
 LOST_PAGE = re.compile(
@@ -31,18 +32,14 @@ class Outcome(Enum):
 
     DONE = "done"
     FAILED = "failed"
-    NEUTRAL = "neutral"  # neither: it was stopped, or its page was lost
+    NEUTRAL = "neutral"  # neither: it was stopped, its page was lost, or a jog has not moved both ways
 
 
-def outcome(word: str, code: int, text: str, has_moved: bool) -> Outcome:
-    """Outcome of a command. A jog that has moved is done also if it ended because its page was silent, without a warning."""
+def outcome(word: str, code: int, text: str, directions: Collection[str]) -> Outcome:
+    """Outcome of a command. A jog is done once it has moved in both directions and was ended in an orderly way."""
     if code == 0:
-        return Outcome.DONE
-    if code == STOPPED:
-        return Outcome.NEUTRAL
-    if not has_lost_page(text):
-        return Outcome.FAILED
-    return Outcome.DONE if word == "jog" and has_moved else Outcome.NEUTRAL
+        return Outcome.NEUTRAL if word == "jog" and len(directions) < BOTH else Outcome.DONE
+    return Outcome.NEUTRAL if code == STOPPED or has_lost_page(text) else Outcome.FAILED
 
 
 def has_lost_page(text: str) -> bool:

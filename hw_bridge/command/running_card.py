@@ -1,4 +1,4 @@
-"""Cards of the commissioning page: the live state between commands, and the running command with its values and output."""
+"""Cards of the commissioning page: the live state, the state of the hardware file, the running command with its output."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from hw_bridge.command.bench.single_axis import STOPPED_IN_STATE
 from hw_bridge.command.bench.step import SHOWN
-from hw_bridge.command.progress import STOPPED, has_lost_page
+from hw_bridge.command.commissioning_steps import READING
+from hw_bridge.command.progress import STOPPED, Outcome, has_lost_page, outcome
 from hw_bridge.command.state_watch import RETRY_PERIOD
-from hw_bridge.commission import HOLD
+from hw_bridge.commission import ATTENDED, HOLD
 from twin import web
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from hw_bridge.command.pages import Page
     from hw_bridge.command.typed import Typed
 
+(CHECK,) = (step for step in READING if step.word == "check")
 ENDED = ("jog", "enable")  # by the person, in an orderly way
 REFRESH_PERIOD = 0.1  # of the running command [s]
 CURVES_PATH = "/commissioning/curves"
@@ -50,7 +52,7 @@ def live_state(page: Page) -> None:
     values = ui.html("", sanitize=False)
 
     def look() -> None:
-        button.text = "stop reading" if typed.watch.is_on else "read live state"
+        button.text = "pause live state" if typed.watch.is_on else "read live state"
         values.content = state_text(typed)
 
     look()
@@ -68,9 +70,17 @@ def state_text(typed: Typed) -> str:
         return f'<p class="twin-soft">Live state is off. {reason}</p>'
     if not watch.rows:
         reason = "It continues after the command." if typed.running else "Listens for other programs, then reads ..."
-        return f'<p class="twin-soft">{reason}</p>'
+        if not watch.latest:
+            return f'<p class="twin-soft">{reason}</p>'
+        age = f"{time.monotonic() - watch.read_at:.0f} s ago. {reason}"
+        return f'<div class="twin-past"><p>{age}</p>{state_lines(watch.latest)}</div>'
+    return state_lines(watch.rows)
+
+
+def state_lines(nodes: dict[str, list[tuple[str, str]]]) -> str:
+    """State, position, velocity, current and error of each node as a line of HTML."""
     lines = []
-    for name, rows in watch.rows.items():
+    for name, rows in nodes.items():
         shown = [
             (LIVE.get(title[:5], title), title, value) for title, value in rows if title[:5] in LIVE or len(rows) == 1
         ]
@@ -80,6 +90,38 @@ def state_text(typed: Typed) -> str:
         )
         lines.append(f"<p><b>{escape(name)}</b>{text}</p>")
     return "".join(lines)
+
+
+def changed_file(page: Page) -> None:
+    """Sentence that the hardware file was read again, until it is checked."""
+    from nicegui import ui
+
+    typed = page.typed
+    kind, text = file_state(typed)
+    notice = ui.label(text).classes(f"twin-state twin-{kind}").props("role=alert")
+
+    def update() -> None:
+        notice.visible = bool(typed.file_problem) or not page.is_done(CHECK, "")
+
+    page.updates.append(update)
+
+
+def file_state(typed: Typed) -> tuple[str, str]:
+    """Kind and sentence of a hardware file that was read again."""
+    clock = time.strftime("%H:%M:%S", time.localtime(typed.read_again))
+    if typed.file_problem:
+        return "bad", f"Changed at {clock}, and cannot be used: {typed.file_problem} What is shown below is of before."
+    return (
+        "warn",
+        f"{typed.file.name} has changed and was read again at {clock}: do check and the steps after it again.",
+    )
+
+
+def armed(typed: Typed) -> tuple[str, str]:
+    """Whether anything may move, and its label."""
+    if typed.keys.is_software():
+        return "good", "simulated drives"
+    return ("warn", "armed: drives may move") if typed.console.arm else ("good", "not armed: nothing moves from here")
 
 
 def now(page: Page) -> None:
@@ -96,7 +138,7 @@ def now(page: Page) -> None:
     end = ui.label("").props("role=status")
     tiles = motion_tiles(typed.motion)
     with ui.element("div").classes("full-width") as frame:  # the chart's own classes must stay as its script set them
-        chart = web.Chart(CURVES_PATH, motion_panes("mm")).style("height: 220px")
+        chart = web.Chart(CURVES_PATH, motion_panes("mm")).style("height: 300px")
     text = ui.label("").classes("twin-told twin-bench-said")
     plot = ui.html("", sanitize=False)
     before = ui.html("", sanitize=False)
@@ -201,6 +243,8 @@ def motion_panes(unit: str) -> list[web.Pane]:
 def result(typed: Typed) -> tuple[str, str]:
     """Kind and sentence of how the latest command ended: its error, if it printed one."""
     what, code = f"{typed.word} {typed.node}".strip(), typed.done[0][2]
+    if code == 0 and outcome(typed.word, code, typed.text, typed.motion.directions) is Outcome.NEUTRAL:
+        return "neutral", f"{what}: ended, not complete: move it in both directions, then press End."
     if code == 0:
         count = len(labeled(typed.text, "note"))
         return ("warn", f"✓ {what}: done, {count} note{'s' * (count > 1)}") if count else ("good", f"✓ {what}: done")
@@ -212,7 +256,8 @@ def result(typed: Typed) -> tuple[str, str]:
         return "neutral", f"{what}: stopped by STOP or Esc. {drive_state}"
     if has_lost_page(typed.text):
         rest = " ".join(parts(typed)[1].split()).partition(": stopped. ")[2]
-        return "neutral", f"{what}: stopped: the page was closed. {rest}".rstrip()
+        silent = f"this page did not answer for {ATTENDED:g} s (closed, reloaded or stalled)"
+        return "neutral", f"{what}: stopped: {silent}. {rest}".rstrip()
     if code < 0:
         return "bad", (
             f"✗ {what}: was killed (signal {-code}) and restored nothing. A drive that it moved misses its heartbeat and stops "

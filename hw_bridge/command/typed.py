@@ -24,13 +24,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hw_bridge.command.bench.motion import EXPIRED, READY
-from hw_bridge.command.bench.single_axis import REFERENCE_VALID
 from hw_bridge.command.commissioning_steps import FILE_INDEPENDENT
 from hw_bridge.command.live_motion import LiveMotion
 from hw_bridge.command.progress import STOPPED, StepProgress, outcome
 from hw_bridge.command.state_watch import StateWatch
 from hw_bridge.commission import HOLD, axis
 from hw_bridge.hardware import load, resolve_bench
+from hw_bridge.master import Reference
 from twin.errors import TwinError
 from twin.live import Channel, ClosedError
 
@@ -46,6 +46,7 @@ END_TIMEOUT = 15.0  # of a command after Ctrl-C: its stop, and restoration of th
 READS = frozenset({"scan", "status", "dump", "compare", "check"})  # beside a session and other programs too
 OF_A_FILE = frozenset({"check", "reset"})  # their first argument is the hardware file
 HOME = "home"
+HOMED_AT = re.compile(r"(\S+ \S+) from reference")
 IDENTITY = re.compile(r"node (\d+)(?: \([^)]*\))?: (?:(?!node \d).)*?serial ([0-9A-F]+)h")  # in what a command prints
 MOVES = frozenset({"enable", HOME, "jog", "move", "direction", "step"})  # needs --arm for real drives, and a page
 
@@ -109,6 +110,14 @@ class Typed:
         """Deflection of the button, while renewed."""
         at, renewed = (0.0, 0.0) if self.has_expired else self._held
         return dict.fromkeys(self.controls, at) if at and time.monotonic() - renewed < HOLD / 1e9 else {}
+
+    def position(self, node: str) -> float | None:
+        """Position of a drive from its reference as last read [m or rad], infinite if it is not homed, None if unknown."""
+        text = next((value for title, value in self.watch.rows.get(node, []) if title.startswith("6064h")), "")
+        if self.keys.simulated or self.axes[node].keys.homing is None or text.endswith("not homed"):
+            return math.inf
+        match = HOMED_AT.match(text)
+        return self.axes[node].si(match[1], "position") if match else None
 
     def needs_arm(self, word: str) -> bool:
         """Whether a command may move real drives, and this server was started without --arm."""
@@ -256,10 +265,10 @@ class Typed:
         if (
             digest(self.file, self.eds) == self.content
         ):  # else the command may have read another file than the page shows
-            result = outcome(self.word, code, self.text, self.motion.has_moved)
+            result = outcome(self.word, code, self.text, self.motion.directions)
             self.progress.record(self.line, self.node, result)
-        if self.word in MOVES and code and REFERENCE_VALID not in " ".join(self.text.split()):
-            self.progress.forget(node=self.node, title=HOME)  # a motion that is cut short loses the reference
+        if self.word in MOVES and code and not Reference(self.keys, self.node).is_recorded:
+            self.progress.forget(node=self.node, title=HOME)  # a motion that was cut short has lost the reference
         page, self._page = self._page, None
         if page is not None:
             page.end.close()

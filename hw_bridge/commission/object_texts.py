@@ -63,7 +63,7 @@ REMEDIES = {  # by error code; the meaning is the vendor's, in the profile
     0x7400: "Switch off and on; if it comes again the drive is broken.",
     0x8110: "The bus is too full: a longer cycle or a higher bit rate.",
     0x8120: "Check wiring, both terminating resistors of 120 ohm and the bit rate of all nodes.",
-    0x8130: "The program that it watched (1016h) ended or stalled. Start it anew after twin hil reset.",
+    0x8130: "The program that it watched (1016h) ended or stalled. Start it anew once the drive is reset.",
     0x8140: "Check wiring, both terminating resistors of 120 ohm and the bit rate of all nodes.",
     0x8150: "Two PDOs have one COB-ID: twin hil defaults, or compare with a DCF that worked.",
     0x81FD: "Check wiring, both terminating resistors of 120 ohm and the bit rate of all nodes.",

@@ -11,6 +11,8 @@ from hw_bridge.master import Node, PlannedWrite
 if TYPE_CHECKING:
     from hw_bridge.master import Station, WritePlan
 
+QUICK_STOP = 0x6085  # its deceleration
+
 
 class PlannedRow(NamedTuple):
     """One object: its name, current value, new value, and reason."""
@@ -57,6 +59,20 @@ def write_heading(plan: WritePlan, rows: list[PlannedRow]) -> str:
     passing = f", {total - len(rows)} of them only while it maps process data" if total > len(rows) else ""
     rest = f" {len(rows)} have another value during the run:" if passing else ""
     return f"{plan.node.name}: a run writes {total} objects{passing}, and restores them at its end{rest and '.'}{rest or ':'}"
+
+
+def softer_stop(plan: WritePlan) -> list[str]:
+    """Note where a run lowers the quick stop's deceleration (6085h) below the drive's own: it brakes over a longer way."""
+    own = plan.stored_value(QUICK_STOP) if QUICK_STOP in plan.node.mirror else None
+    value = next((write.value for write in reversed(plan.writes) if write.index == QUICK_STOP), None)
+    if own is None or value is None or value >= own:
+        return []
+    text = [_meant(plan.node, QUICK_STOP, 0, number).partition(" (")[0] for number in (value, own)]
+    note = (
+        f"{plan.node.name}: during a run the quick stop brakes with {text[0]} (limits.acceleration), softer than the drive's "
+        f"own {text[1]} (6085h). If the machine bears more, raise limits.acceleration."
+    )
+    return [note]
 
 
 def with_units_before(plan: WritePlan) -> None:

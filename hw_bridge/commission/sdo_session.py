@@ -119,4 +119,4 @@ def pending_error(node: Node) -> str:
     if not (register := node.sdo.number(0x1001)) & COMMUNICATION:
         return ""
     texts = read_faults(node.sdo, node.profile.faults)
-    return f"{node.name}: still tells an error (1001h is {register:02X}h){f': {texts[0]}' if texts else '.'}"
+    return f"{node.name}: reports an earlier error (1001h is {register:02X}h){f': {texts[0]}' if texts else '.'}"

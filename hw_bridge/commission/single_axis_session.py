@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.commission.ramp import Ramp
-from hw_bridge.dictionary import Mode
+from hw_bridge.dictionary import Mode, cia402
 from hw_bridge.master import LateCyclePolicy, Master, setup
 from twin.errors import SimulationError
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from hw_bridge.hardware import HardwareKeys, NodeKeys
 
 SETTLE = 200_000_000  # after a move, until the place is read [ns]
+IN_DRIVE = "in the drive"  # of positions before they count from start or reference
 SLOWEST_STOP = 0.06  # longest ramp from the speed of a jog to rest [s]; with the key's 0.12 s it stands within 0.2 s
 
 
@@ -43,9 +44,19 @@ def restrict_to_node(keys: HardwareKeys, name: str, homes: bool = False) -> Hard
 
 
 class Operator(Master):
-    """A master that calls `attend` in every cycle, also while it homes, to check that an operator is present."""
+    """A master that calls `attend` in every cycle, also while it homes, to check that an operator is present.
+
+    `before_power` is called once, when the drive has process data and nothing refuses the motion any more.
+    """
 
     attend: Callable[[], None] | None = None
+    before_power: Callable[[], None] | None = None
+
+    def prepare(self) -> None:
+        """From any state to process data in both directions; no power."""
+        super().prepare()
+        if self.before_power is not None:
+            self.before_power()
 
     def run_cycle(self) -> None:
         """One cycle while the drive is brought up or stopped."""
@@ -71,7 +82,8 @@ class SingleAxisSession:
         self.paced = False  # whether a bus in simulated time keeps to the wall clock, for a person's keys
         self.ramp = Ramp(0.0, 1.0, 1.0)
         self.next_line = 0  # when live values are shown again [ns]
-        self.origin = "in the drive"  # what positions count from; once it is enabled, from start or from its reference
+        self._origin = IN_DRIVE
+        self._has_searched = False
         self._before: tuple[int, float, float] | None = None  # time, position and origin of the last mean velocity
         self.note = ""  # what the operator must know now, such as a limit; shown behind the live values
 
@@ -79,6 +91,18 @@ class SingleAxisSession:
     def keys(self) -> NodeKeys:
         """Keys of the drive in the hardware file."""
         return self.node.keys
+
+    @property
+    def origin(self) -> str:
+        """What positions count from: start or reference, once it is enabled or homed."""
+        return "from reference" if self.keys.homing is not None and self.node.has_reference else self._origin
+
+    def counts_anew(self) -> bool:
+        """Whether a drive that homes has set its position to 0, and this program does not count from there yet."""
+        node = self.node
+        self._has_searched |= node.homing
+        has_attained = not node.homing or bool(node.word & cia402.BIT_12)
+        return self._has_searched and not node.has_reference and has_attained
 
     @contextmanager
     def enabled(self, start: float = 0.0, homed: NodeKeys | None = None) -> Iterator[SingleAxisSession]:
@@ -88,7 +112,7 @@ class SingleAxisSession:
             try:
                 self.master.begin({self.node.name: start})
                 is_referenced = homed is not None or self.keys.homing is not None
-                self.origin = "from reference" if is_referenced else "from start"
+                self._origin = "from reference" if is_referenced else "from start"
                 if homed is not None:
                     self._count_from_reference(homed)
                 limits = self.keys.limits

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.commission import object_texts
 from hw_bridge.commission.objects import format_value, learn, upload
+from hw_bridge.dictionary import State, state_of
 from hw_bridge.master import Node, SdoError
 
 if TYPE_CHECKING:
-    from hw_bridge.master import Station
+    from hw_bridge.master import Reference, Station
 
 Row = tuple[str, str]
 GROUPS: dict[str, tuple[tuple[int, int], ...]] = {
@@ -25,7 +26,7 @@ GROUPS: dict[str, tuple[tuple[int, int], ...]] = {
     "inputs and outputs": ((0x60FD, 0), (0x60FE, 1)),
     "if this program is lost": (*((0x1016, sub) for sub in range(1, 9)), (0x1017, 0), (0x6007, 0), (0x60C2, 1)),
 }  # fmt: skip
-MODE = 0x6061
+MODE, POSITION = 0x6061, 0x6064
 VAGUE = ("Actual [mA]",)  # names that say nothing without their record's
 MONITORED = ((0x6041, 0), (0x6061, 0), (0x6064, 0), (0x606C, 0), (0x6077, 0), (0x6078, 0), (0x603F, 0))
 
@@ -38,17 +39,17 @@ class Status:
     errors: list[str] = field(default_factory=list)
 
 
-def status(node: Station) -> Status:
-    """Read all objects of the groups that the profile has; missing ones are left out."""
+def status(node: Station, reference: Reference | None = None) -> Status:
+    """Read all objects of the groups that the profile has; missing ones are left out. `reference`: as in `rows`."""
     learn(node)
-    report = Status({group: rows(node, addresses) for group, addresses in GROUPS.items()})
+    report = Status({group: rows(node, addresses, reference) for group, addresses in GROUPS.items()})
     if isinstance(node, Node):
         report.errors = object_texts.read_faults(node.sdo, node.profile.faults)
     return report
 
 
-def rows(node: Station, addresses: tuple[tuple[int, int], ...]) -> list[Row]:
-    """Name and value of the objects at these addresses that the node has."""
+def rows(node: Station, addresses: tuple[tuple[int, int], ...], reference: Reference | None = None) -> list[Row]:
+    """Name and value of the objects at these addresses that the node has; of a drive's `reference` also its position."""
     values = []
     for index, sub in addresses:
         entry = node.mirror.objects.get(index, {}).get(sub)
@@ -62,12 +63,25 @@ def rows(node: Station, addresses: tuple[tuple[int, int], ...]) -> list[Row]:
     for entry, value in values:
         index, sub = entry.index, entry.sub
         title = entry.title if entry.name in VAGUE else entry.name
-        lines.append(
-            (f"{index:04X}h{f'.{sub}' if sub else ''} {title.partition(' [')[0]}", format_value(node, entry, value))
-        )
+        text = format_value(node, entry, value)
+        if index == POSITION and reference is not None and isinstance(node, Node):
+            text = position_text(node, reference, text)
+        lines.append((f"{index:04X}h{f'.{sub}' if sub else ''} {title.partition(' [')[0]}", text))
     return lines
 
 
-def monitored_rows(node: Station, more: tuple[tuple[int, int], ...] = ()) -> list[Row]:
+def position_text(node: Node, reference: Reference, text: str) -> str:
+    """Position from the reference, with 6064h as `text`; while a command moves the drive its reference is open."""
+    own = f"6064h {text.partition(' (')[0]}"
+    if state_of(node.sdo.number(0x6041) & 0xFFFF) is State.ENABLED:
+        return f"{own}, moved by a program"
+    if reference.problem(node):
+        return f"{own}, not homed"
+    return f"{node.format_length(reference.position(node))} from reference ({own}), homed"
+
+
+def monitored_rows(
+    node: Station, more: tuple[tuple[int, int], ...] = (), reference: Reference | None = None
+) -> list[Row]:
     """Values that change during operation, and those of `more`: for `monitor`."""
-    return rows(node, (*MONITORED, *more))
+    return rows(node, (*MONITORED, *more), reference)

@@ -8,6 +8,7 @@ from hw_bridge.master.activity import active_drives as active_drives
 from hw_bridge.master.block_signals import block_signals as block_signals
 from hw_bridge.master.foreign_master import ForeignMasterMonitor as ForeignMasterMonitor
 from hw_bridge.master.late_cycle_policy import LateCyclePolicy as LateCyclePolicy
+from hw_bridge.master.limits import HOMING_FORCE_SHARE as HOMING_FORCE_SHARE
 from hw_bridge.master.master import Master as Master
 from hw_bridge.master.module import ModuleNode as ModuleNode
 from hw_bridge.master.node import Node as Node

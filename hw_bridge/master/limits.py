@@ -37,7 +37,7 @@ LIMITS: dict[Address, str] = {
 }
 
 ROUNDING = 10  # device units by which a drive may stand outside of a limit
-SHARE = 0.8  # of limits.force that the drive's own limit is lowered to while it homes: it overshoots
+HOMING_FORCE_SHARE = 0.8  # of limits.force that the drive's own limit is lowered to while it homes: it overshoots
 HOMING_FORCE_REASON = "limits.force while it homes; as before when it is homed"
 
 
@@ -125,7 +125,7 @@ def lowered_for_homing(node: Node, read: Callable[[int, int], int | None]) -> It
 
     `read` returns the value of an object, None where the drive does not have it; its force is monitored in any case.
     """
-    most = SHARE * node.keys.limits.force / node.force_constant  # [A]
+    most = HOMING_FORCE_SHARE * node.keys.limits.force / node.force_constant  # [A]
     for index, sub, unit in node.profile.homing_force:
         if not node.mirror.find(index, sub):
             continue

@@ -13,7 +13,6 @@ from math import copysign
 from typing import TYPE_CHECKING, Any
 
 from hw_bridge.journal import state_folder
-from twin.errors import SimulationError
 from twin.files import write_atomically
 
 if TYPE_CHECKING:
@@ -54,10 +53,16 @@ class Reference:
         if not self.keys.simulated:
             self.path.unlink(missing_ok=True)
 
-    def check(self, node: Node) -> None:
-        """Raise SimulationError unless the drive's reference is still valid. Only reads."""
-        if problem := self.problem(node):
-            raise SimulationError(f"{self.name}: no reference: {problem} Home it: twin hil home {self.name}")
+    @property
+    def is_recorded(self) -> bool:
+        """Whether a reference is recorded; `problem` tells whether it is still valid."""
+        return not self.keys.simulated and self.path.is_file()
+
+    def position(self, node: Node) -> float:
+        """Position of a drive whose reference is valid, else from where 6064h is 0 [m or rad]. Only reads."""
+        raw = int.from_bytes(node.sdo.read(0x6064), "little", signed=True)
+        at = self.own.homing.at if self.own.homing is not None and not self.problem(node) else 0.0
+        return node.sign * raw * node.units.position + at
 
     def problem(self, node: Node) -> str:
         """Return why the reference is not valid, or an empty string."""

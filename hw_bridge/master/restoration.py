@@ -27,6 +27,7 @@ OUTPUTS = (cia402.OUTPUTS, cia401.OUTPUTS)  # to restore them would switch valve
 ENABLED = (State.ENABLED, State.QUICK_STOP, State.REACTION)
 HEARTBEATS = (0x1016, 0x1017)
 MODE = 0x6060
+SHOWN = 4  # names of objects in a note
 TEMPORARY = "while its mapping is restored"  # reason of a change by a restoration, for one that is killed
 STATUSWORD = 0x6041
 ATTEMPTS = 4  # of a request: some hundred of them are made, and frames may be lost
@@ -317,8 +318,9 @@ def _finish(master: Master, station: Station) -> None:
 def _unrestored(master: Master, station: Station, why: str) -> None:
     """Add a note; simulated drives of this process end with it."""
     if (file := station.journal.file) is not None:
+        names = [change.name for change in station.journal.changes.values()]
         master.notes.append(
-            f"{station.name}: {len(station.journal.changes)} objects are not restored: {why} The journal is kept "
+            f"{station.name}: {len(names)} objects are not restored: {why} The journal is kept "
             f"({file.path}): `twin hil restore {station.number}`. They are "
-            f"{', '.join(change.name for change in station.journal.changes.values())}."
+            f"{', '.join(names[:SHOWN])}{', ...' if len(names) > SHOWN else '.'}"
         )

@@ -82,7 +82,7 @@ def test_the_state_is_read_between_commands_and_nothing_is_written(page, drive):
     page.wait_for_selector("text=It continues after the command.")
     said(page, "limits")
     rows.first.wait_for()
-    page.get_by_role("button", name="stop reading").click()
+    page.get_by_role("button", name="pause live state").click()
     rows.first.wait_for(state="detached")
     assert page.wrong == []
 
@@ -196,14 +196,14 @@ def test_a_move_that_no_page_shows_any_more_ends(drive, page):
     with watching(drive) as line:
         node = line.drive("1", "faulhaber_v3")
         opened(page, "move")
-        page.get_by_label("by", exact=True).locator("visible=true").first.fill("20 mm")
+        page.get_by_label("by", exact=True).locator("visible=true").first.fill("9 mm")
         page.get_by_role("button", name="move", exact=True).click()
-        said(page, "from 0.00 mm to 20.00 mm")
+        said(page, "from 0.00 mm to 9.00 mm")
         begin = place(node)
         page.close()
         stands(line, node, 2.0)
         assert off(line, node, 2.0)
-        assert abs(place(node) - begin) < 15e-3
+        assert abs(place(node) - begin) < 8e-3
 
 
 def test_another_page_watches_it(drive, served, page, browser):  # noqa: F811

@@ -13,6 +13,7 @@ import pytest
 from hw_bridge.command import hil
 from hw_bridge.command.commissioning_steps import (
     ANY_TIME,
+    NOT_HOMED,
     READING,
     STEPS,
     is_step,
@@ -31,6 +32,7 @@ from tests.every_case import every_case
 from twin.console import Host, safety
 from twin.errors import TwinError
 
+PAGE = "this page did not answer for 0.5 s (closed, reloaded or stalled)"
 LIMITS = "{position: [-45 mm, 45 mm], velocity: 200 mm/s, force: 8 N, following_error: 3 mm, acceleration: 3 m/s^2}"
 NODE = f"nodes: {{axis: {{node: 1, profile: faulhaber_v3, limits: {LIMITS}}}}}\n"
 LIMIT = {"name": "force", "value": 4.5, "low": -5.0, "high": 5.0, "part": 0.9, "unit": "N"}
@@ -143,7 +145,7 @@ def test_a_jog_moves_while_it_is_renewed_and_ends_with_its_page(typed):
     assert "the operator's page has not answered" in one.text
     assert place(one) == pytest.approx(there, abs=0.05)
     assert one.done[0][2] == 1
-    assert one.progress.time_of(next(step for step in STEPS if step.word == "jog"), "axis")  # it has moved
+    assert not one.progress.time_of(next(step for step in STEPS if step.word == "jog"), "axis")  # no orderly end
     (times, position), (_, current) = (one.motion.read(name, 0.0, 1e9, 4000) for name in ("position", "current"))
     assert position[0] == pytest.approx(0.0, abs=0.5)  # the first line may come within the first steps
     assert (position.max() > 1.0, len(times) == len(current) > 5) == (True, True)
@@ -249,11 +251,15 @@ def test_how_a_command_has_ended():
         " axis: power is off (Ready), at 1 mm.",
     )
     typed.text, typed.outputs = silent + left, [silent + left]
-    assert result(typed) == ("neutral", f"jog axis: stopped: the page was closed.{left}")
+    assert result(typed) == ("neutral", f"jog axis: stopped: {PAGE}.{left}")
     assert "<b>stopped</b>" in listed(typed)
     typed.text = f"warning: axis: does not stand.\n{silent}"
     assert result(typed)[0] == "bad"
     typed.text = ""
+    typed.done[0], typed.motion = (2.0, "", 0), SimpleNamespace(directions={"positive"})
+    assert result(typed)[1].startswith("jog axis: ended, not complete: move it in both directions")
+    typed.motion.directions.add("negative")
+    assert result(typed) == ("good", "✓ jog axis: done")
     typed.done[0] = (2.0, "", 130)
     assert result(typed) == (
         "neutral",
@@ -261,7 +267,9 @@ def test_how_a_command_has_ended():
     )
     typed.done[0] = (2.0, "", -9)
     assert "was killed (signal 9) and restored nothing" in result(typed)[1]
-    typed = SimpleNamespace(word="scan", node="", text="", done=[(1.0, "", 0)])
+    typed = SimpleNamespace(
+        word="scan", node="", text="", done=[(1.0, "", 0)], motion=SimpleNamespace(directions=set())
+    )
     assert result(typed) == ("good", "✓ scan: done")
     typed.text = "node 1: note: x\nnote: axis: a limit\n  is wider.\nnote: b\naxis: tables\n  note: no\n"
     assert result(typed) == ("warn", "✓ scan: done, 2 notes")
@@ -313,7 +321,7 @@ LINEAR = {
     ("jog", "distance", "1 m"): None,
     ("move", "by", ""): None,
     ("move", "by", "-90 mm"): None,
-    ("move", "by", "91 mm"): "Expected a way that ends within -45 mm to 45 mm.",
+    ("move", "by", "91 mm"): "Expected -90 mm to 90 mm.",
     ("move", "by", "0 2 mm"): "by: expected a number with its unit, such as '1 mm'.",
     ("move", "to", "0 mm"): None,
     ("move", "to", "46 mm"): "Expected -45 mm to 45 mm.",
@@ -327,6 +335,22 @@ def test_a_field_says_what_it_expects(typed, word, option, text):
     (step,) = [step for step in STEPS if step.word == word]
     (entry,) = [entry for entry in step.entries if entry.option == option]
     assert problem(step, entry, text, axis(one.file, one.keys, "axis")) == LINEAR[word, option, text]
+
+
+@pytest.mark.parametrize(
+    ("text", "position", "refusal"),
+    [
+        ("60 mm", -0.02, None),
+        ("60 mm", 0.0, "Expected -45 mm to 45 mm: it is at 0 mm."),
+        ("-30 mm", -0.02, "Expected -25 mm to 65 mm: it is at -20 mm."),
+        ("10 mm", NOT_HOMED, None),
+        ("-11 mm", NOT_HOMED, "Expected -10 mm to 10 mm: it is not homed, and an end stop may be nearer."),
+    ],
+)
+def test_a_distance_is_refused_where_it_would_leave_the_limits(typed, text, position, refusal):
+    one = typed()
+    (step,) = [step for step in STEPS if step.word == "move"]
+    assert problem(step, step.entries[0], text, axis(one.file, one.keys, "axis"), position) == refusal
 
 
 @every_case(
@@ -375,12 +399,18 @@ def test_a_move_needs_one_goal():
 
 
 def test_the_live_state_is_a_line_of_each_drive():
-    watch = SimpleNamespace(is_on=True, is_wanted=True, problem="", rows={})
+    watch = SimpleNamespace(is_on=True, is_wanted=True, problem="", rows={}, latest={}, read_at=0.0)
     watch.rows["axis"] = [("6041h Statusword", "Switch on disabled; voltage (0050h)"), ("6077h Torque", "0 A (0)")]
     text = state_text(SimpleNamespace(watch=watch, running=False))
     assert text == ('<p><b>axis</b><span title="6041h Statusword">state <b>Switch on disabled; voltage</b></span></p>')
     watch.rows["axis"] = [("no answer", "<abort>")]
     assert "no answer <b>&lt;abort&gt;</b>" in state_text(SimpleNamespace(watch=watch, running=False))
+    watch.rows, watch.latest = {}, {"axis": [("6064h Position", "7 mm (7000), not homed")]}
+    watch.read_at = time.monotonic() - 7.0
+    text = state_text(SimpleNamespace(watch=watch, running=True))
+    assert "twin-past" in text  # grayed
+    assert "position <b>7 mm (7000), not homed</b>" in text
+    assert "7 s ago. It continues after the command." in text
     watch.is_on = False
     assert "off. It continues after the session." in state_text(SimpleNamespace(watch=watch, running=False))
     watch.is_wanted, watch.problem = False, "another program on the bus reads axis."

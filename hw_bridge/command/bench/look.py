@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import json
 import sys
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.options import NODE, PROFILE, OptionError, on_a_bus, paragraph, table
+from hw_bridge.command.bench.options import NODE, PROFILE, WIDTH, OptionError, on_a_bus, paragraph, table
 from twin.cli import say
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from hw_bridge.command.bench.options import BusChoice
-    from hw_bridge.master import Station
+    from hw_bridge.master import Reference, Station
 
 LISTENING = 1_000_000_000  # before anything is sent, with --alone [ns]
 SERIAL = ((0x1018, 4),)
+NO_REFERENCES: Mapping[str, Reference | None] = MappingProxyType({})
 NO_ANSWER = (
     "No node answers. Is the power on? Do CAN_H, CAN_L and GND reach the drive, with 120 ohm at both ends? Has it this bit "
     "rate (--bitrate)? A drive without a node-ID answers only LSS: twin hil lss."
@@ -37,12 +41,17 @@ def scan_command(bus: BusChoice) -> None:
     twin hil scan -f my_bench.yaml
     """
     from hw_bridge.commission import membership_problems, scan
+    from hw_bridge.hardware import HardwareKeys
 
     with bus.sdo_session() as sdo_session:
         nodes = scan(sdo_session)
         names = {key.node: name for name, key in sdo_session.keys.items()}
+        master = bus.keys.master if bus.keys is not None else HardwareKeys.model_fields["master"].default
         for item in nodes:
             name = f" ({names[item.node]})" if item.node in names else ""
+            if item.node == master and item.problem:
+                say(f"node {item.node}: heartbeat of a program that commands drives, such as twin hil or twin run")
+                continue
             say(f"node {item.node}{name}: {item.title or 'not understood'}")
             vendor, product, revision, serial = item.identity
             if item.problem:
@@ -83,7 +92,7 @@ def status_command(bus: BusChoice, node: str, profile: str | None) -> None:
 
     with bus.sdo_session() as sdo_session:
         station = sdo_session.node(node, profile or "")
-        report = status(station)
+        report = status(station, reference_of(bus, station))
         say(identity_text(station))
         width = max((len(name) for rows in report.groups.values() for name, _ in rows), default=0)
         for group, rows in report.groups.items():
@@ -95,6 +104,19 @@ def status_command(bus: BusChoice, node: str, profile: str | None) -> None:
             paragraph(text, 2)
         if 0x6041 in station.mirror and state_of(station.sdo.number(0x6041) & 0xFFFF) in (State.FAULT, State.REACTION):
             sys.exit(1)
+
+
+def reference_of(bus: BusChoice, station: Station) -> Reference | None:
+    """Reference of a drive with `homing` in the hardware file; also sets whether its positions are angles."""
+    from hw_bridge.commission import axis
+    from hw_bridge.master import Node, Reference
+
+    if bus.keys is None or bus.hardware is None or not isinstance(station, Node):
+        return None
+    if station.name not in bus.keys.nodes or bus.keys.nodes[station.name].homing is None:
+        return None
+    station.rotary = axis(bus.hardware, bus.keys, station.name).rotary
+    return Reference(bus.keys, station.name, station.rotary)
 
 
 @click.command("monitor")
@@ -132,6 +154,7 @@ def monitor_command(
         stations = [sdo_session.node(station) for station in nodes or sdo_session.keys]
         if not stations:
             raise OptionError("Name at least one NODE, or --hardware FILE with its nodes.")
+        references = {station.name: reference_of(bus, station) for station in stations}
         others = ForeignMasterMonitor(
             bus.keys.master if bus.keys else 0, {station.number: station.name for station in stations}, reads=True
         )
@@ -144,7 +167,7 @@ def monitor_command(
                 raise SimulationError(
                     f"{others.text.replace(' Stop it.', '')} Two programs must not disturb each other."
                 )
-            values = current_values(stations, learned, SERIAL if as_json else ())
+            values = current_values(stations, learned, SERIAL if as_json else (), references)
             lines = [json.dumps(values)] if as_json else status_lines(values, (sdo_session.network.now - begin) / 1e9)
             if count and sys.stdout.isatty():
                 sys.stdout.write(f"\x1b[{count}F\x1b[J")
@@ -157,7 +180,10 @@ def monitor_command(
 
 
 def current_values(
-    stations: list[Station], learned: set[str], more: tuple[tuple[int, int], ...] = ()
+    stations: list[Station],
+    learned: set[str],
+    more: tuple[tuple[int, int], ...] = (),
+    references: Mapping[str, Reference | None] = NO_REFERENCES,
 ) -> dict[str, list[tuple[str, str]]]:
     """Name and value of the monitored objects of each node, and of `more`; `learned`: names of those whose scale was read."""
     from hw_bridge.commission import monitored_rows, objects
@@ -168,7 +194,7 @@ def current_values(
         try:
             if station.name not in learned:
                 objects.learn(station)
-            values[station.name] = monitored_rows(station, more)
+            values[station.name] = monitored_rows(station, more, references.get(station.name))
             learned.add(station.name)
         except SilentError:
             values[station.name] = [("no answer", "check its power and wiring")]
@@ -182,5 +208,5 @@ def status_lines(values: dict[str, list[tuple[str, str]]], now: float) -> list[s
     """Current values of nodes, as lines."""
     lines = [f"{now:8.1f} s   q ends it"]
     for name, rows in values.items():
-        lines += [name, *(f"  {title:34.34} {value[:42]}" for title, value in rows)]
+        lines += [name, *(f"  {title:32.32} {value}"[:WIDTH] for title, value in rows)]
     return lines

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from hw_bridge.commission import Axis, HeldKey, PageWatchdog, SingleAxisSession
 
 SLOW, GENTLE = 0.02, 0.1  # of the limits of velocity and acceleration, where nothing is said
+ROUNDING = 1e-9  # relative
 NEAR_END = 1e-5  # distance from the end of a jog at which it is reached [m or rad]
 ROUND = {"m": 10e-3, "rad": 0.2}  # how far a jog goes at most, where nothing is said: 10 mm, 11 deg
 READY = "hold a button"  # tells the page that the drive is ready to move
@@ -64,6 +65,11 @@ def ramp(axis: Axis, velocity: str | None, acceleration: str | None) -> tuple[fl
 @click.option("--to", metavar="POSITION", help="Target position; needs a reference (twin hil home).")
 @RAMP[0]
 @RAMP[1]
+@click.option(
+    "--distance",
+    metavar="DISTANCE",
+    help="Greatest --by of a drive that counts from its present position.  [default: 10 mm or 11 deg]",
+)
 @ARM
 @ORIGIN
 @on_a_bus
@@ -74,13 +80,15 @@ def move_command(
     to: str | None,
     velocity: str | None,
     acceleration: str | None,
+    distance: str | None,
     arm: bool,
     origin: str | None,
 ) -> None:
     """Move NODE with a ramp, then stop and disable it. Give --by or --to.
 
     A target with bounded velocity and acceleration is sent in each cycle. Following error, velocity, force and position
-    are checked against the limits of the hardware file in each cycle. Ctrl-C stops the drive.
+    are checked against the limits of the hardware file in each cycle. Ctrl-C stops the drive. Before homing the limits
+    count from where each command begins, so that several commands may leave the stroke: --distance bounds each.
 
     \b
     twin hil move servomotor --by "1 mm" -f my_bench.yaml --arm
@@ -94,10 +102,21 @@ def move_command(
         origin = REFERENCE
     axis = select_axis(bus, node)
     speed, rate = ramp(axis, velocity, acceleration)
-    distance = axis.si(to, "--to") if to is not None else axis.si(by or "0", "--by")
-    with single_axis_session(bus, axis, arm, origin=origin) as session:
+    length = axis.si(to, "--to") if to is not None else axis.si(by or "0", "--by")
+    reach = ROUND[axis.unit] if distance is None else abs(axis.si(distance, "--distance"))
+
+    def check(position: float | None) -> None:
+        if position is None and abs(length) > reach * (1.0 + ROUNDING):
+            raise SimulationError(
+                f"{axis.name}: --by {axis.format_quantity(length)} from where it stands is more than "
+                f"{axis.format_quantity(reach)}, and an end stop may be nearer. Home it first, take a smaller --by, or "
+                f"allow it by --distance '{axis.format_quantity(abs(length))}'."
+            )
+        assert_inside(axis, length if to is not None else (position or 0.0) + length, position)
+
+    with single_axis_session(bus, axis, arm, origin=origin, check=check) as session:
         begin = session.node.position
-        goal = distance if to is not None else begin + distance
+        goal = length if to is not None else begin + length
         check_target(session, goal)
         paragraph(
             f"{session.node.name}: from {session.node.format_length(begin)} to {session.node.format_length(goal)} at "
@@ -108,6 +127,19 @@ def move_command(
         say(
             f"{session.node.name}: is at {session.node.format_length(there)}, largest following error "
             f"{session.node.format_length(furthest)}."
+        )
+
+
+def assert_inside(axis: Axis, goal: float, here: float | None) -> None:
+    """Raise SimulationError for a goal outside of limits.position, before power. `here`: None for positions from start."""
+    (low, high), to_text = axis.keys.limits.position, axis.format_quantity
+    if not low <= goal <= high:
+        origin, stands = "start", ""
+        if here is not None:
+            origin, stands = "reference", f"it is at {to_text(round(here, 5))}. "
+        raise SimulationError(
+            f"{axis.name}: {to_text(round(goal, 5))} from {origin} is outside of limits.position, {to_text(low)} to "
+            f"{to_text(high)}. {stands.capitalize()}Nothing was enabled."
         )
 
 

@@ -15,6 +15,7 @@ from click.core import ParameterSource
 from hw_bridge.hardware import HardwareKeys, load
 from hw_bridge.profiles import DRIVE_PROFILES
 from twin.cli import say
+from twin.errors import SimulationError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -24,6 +25,10 @@ if TYPE_CHECKING:
 
 WIDTH = 80  # columns of a terminal
 LABEL = re.compile(r"(note|differs|warning|refused|not restored): ")  # of a paragraph whose further lines are indented
+REMEDY = re.compile(  # commands in messages of packages that do not hold the command line
+    r"twin hil (?:disable|restore|store|dump|(?P<moves>jog)) \w++(?! -)|twin hil set \w++ [\w.]++ (?:'[^']*'|\w++)(?! -)"
+)
+PLACEHOLDER = re.compile(r"(?<=twin hil reset )FILE\b|(?<= -f )FILE\b")
 LAST, NARROWEST = 24, 12  # least columns of the last column, and of others that are wrapped
 
 
@@ -72,6 +77,13 @@ class BusChoice:
     def _named(self) -> HardwareKeys:
         """The bus that options name, without a file."""
         return HardwareKeys.model_construct(interface=self.interface or "", channel=self.channel or "")
+
+    def complete(self, text: str) -> str:
+        """Add the bus to the commands that a message names, so that they run as they are printed."""
+        bus = f"-f {self.hardware}" if self.hardware is not None else f"-i {self.interface} -c {self.channel}"
+        arm = "" if self.is_software else " --arm"
+        text = REMEDY.sub(lambda match: f"{match[0]} {bus}{arm if match['moves'] else ''}", text)
+        return PLACEHOLDER.sub(str(self.hardware), text) if self.hardware is not None else text
 
     @contextmanager
     def network(self) -> Iterator[Network]:
@@ -185,7 +197,11 @@ def on_a_bus(function: Callable[..., Any]) -> Callable[..., Any]:
         from_environment = click.get_current_context().get_parameter_source("hardware") is ParameterSource.ENVIRONMENT
         if from_environment and interface:  # what is typed counts
             hardware = None
-        return function(BusChoice(hardware, interface, channel, bitrate, named(options), trace, build), **others)
+        bus = BusChoice(hardware, interface, channel, bitrate, named(options), trace, build)
+        try:
+            return function(bus, **others)
+        except SimulationError as error:
+            raise SimulationError(bus.complete(str(error))) from error
 
     for option in reversed(BUS):
         wrapped = option(wrapped)
@@ -217,5 +233,7 @@ def paragraph(text: str, indent: int = 0) -> None:
     import textwrap
 
     further = "  " if LABEL.match(text) else ""
-    for line in textwrap.wrap(text, WIDTH - indent, subsequent_indent=further, break_on_hyphens=False):
+    for line in textwrap.wrap(
+        text, WIDTH - indent, subsequent_indent=further, break_on_hyphens=False, break_long_words=False
+    ):
         say(" " * indent + line)

@@ -99,7 +99,7 @@ def set_command(bus: BusChoice, node: str, name: str, value: str, store: bool, a
             nvm.store(station, bus.journals)
             say("All parameters are stored.")
         else:
-            paragraph(f"{RAM} {station.number}")
+            paragraph(bus.complete(f"{RAM} {station.number}"))
 
 
 def switching_needs_arm(bus: BusChoice, node: Station, entry: Entry, arm: bool) -> None:
@@ -261,7 +261,7 @@ def restore_file(
         nvm.store(station, bus.journals)
         say("All parameters are stored.")
     elif changed:
-        paragraph(f"{RAM} {station.number}")
+        paragraph(bus.complete(f"{RAM} {station.number}"))
     if refused:
         sys.exit(1)
 
@@ -283,7 +283,8 @@ def store_command(bus: BusChoice, node: str, file: Path | None) -> None:
         source = file if file is not None else dcf.last_dump(station, bus.journals)
         if source is None:
             paragraph(
-                "note: there is no dump of this drive to compare with. Take one before you change it: twin hil dump"
+                "note: there is no dump of this drive to compare with. Take one before you change it: "
+                f"{bus.complete(f'twin hil dump {node}')} before.dcf"
             )
         else:
             wanted = dcf.load(source, station.number)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.options import NODE, on_a_bus, table
+from hw_bridge.command.bench.options import NODE, on_a_bus, paragraph, table
 from hw_bridge.command.bench.single_axis import (
     ARM,
     ORIGIN,
@@ -94,8 +94,10 @@ def home_command(bus: BusChoice, node: str, explain: bool, arm: bool) -> None:
     if own.homing is None:
         raise SimulationError(f"{bus.hardware}: {axis.name}: {homing.NO_HOMING}")
     end = Reference(hardware(bus), axis.name, axis.rotary).resting_position()
-    say(f"{axis.name}: method {own.homing.method}, then it is at {axis.format_quantity(own.homing.at)}:")
-    table([(f"{number}.", text) for number, text in enumerate(homing.explained(own), 1)], 2)
+    say(f"{axis.name}: method {own.homing.method}, the reference position is {axis.format_quantity(own.homing.at)}:")
+    steps, bounds = homing.explained(axis, hardware(bus))
+    table([(f"{number}.", text) for number, text in enumerate(steps, 1)], 2)
+    paragraph(bounds)
     if explain:
         return
     assert_armed(bus, arm)

@@ -25,8 +25,9 @@ if TYPE_CHECKING:
 PAGE = "hw_bridge.attendance"  # of click's context
 SERIAL = "hw_bridge.serial"  # of click's context
 REFERENCE, START = "reference", "start"  # what positions count from, where the command line says so
-REFERENCE_VALID = "The reference is kept."  # after a stop; a page then keeps its step `home`
-LINE_PERIOD = 100_000_000  # of the line with live values [ns]
+REFERENCE_VALID = "The reference is kept."  # after a stop
+LINE_PERIOD = 100_000_000  # of the line with live values in a terminal [ns]
+PAGE_PERIOD = 50_000_000  # and on a page, which draws them [ns]
 LIVE_VALUES = re.compile(  # what `show_live` prints for a page
     r"(?P<mark>[<> ]) position +(?P<position>\S+) (?P<unit>\S+) (?P<origin>[a-z ]+), velocity +(?P<velocity>\S+ \S+), "
     r"current +(?P<current>\S+) A, (?P<state>.+?)   "
@@ -125,6 +126,12 @@ def select_axis(bus: BusChoice, word: str) -> Axis:
     return axis(bus.hardware, keys, word)
 
 
+def command_line(bus: BusChoice, word: str, name: str) -> str:
+    """Command line of a command that moves a drive, as it can be typed."""
+    arm = "" if hardware(bus).is_software() else " --arm"
+    return f"twin hil {word} {name} -f {bus.hardware}{arm}"
+
+
 @contextmanager
 def single_axis_session(
     bus: BusChoice,
@@ -136,8 +143,12 @@ def single_axis_session(
     start: float = 0.0,
     homes: bool = False,
     paced: bool = False,
+    check: Callable[[float | None], None] | None = None,
 ) -> Iterator[SingleAxisSession]:
-    """Session with one enabled drive for the duration of the block. Exit code 1 if there are warnings at the end."""
+    """Session with one enabled drive for the duration of the block. Exit code 1 if there are warnings at the end.
+
+    `check` may refuse before anything is written: it receives the position from the reference, None if it counts from here.
+    """
     from hw_bridge.commission import SdoSession, SingleAxisSession, identity_text, restrict_to_node
     from hw_bridge.master import Reference
 
@@ -150,27 +161,32 @@ def single_axis_session(
         )
     with bus.network() as network:
         sdo_session = SdoSession(network, keys.nodes)
-        check_before_power(sdo_session, axis, bus.hardware)
         reference = Reference(keys, name, axis.rotary)
+        if check_before_power(sdo_session, axis, bus.hardware):
+            reference.forget()  # after a Fault the drive is homed again
         drive = sdo_session.drive(name)
         if (page := page_watchdog()) is not None:
             say(identity_text(drive))
             assert_same_drive(drive)
-        if origin == REFERENCE:
-            reference.check(drive)
-        keeps = not homes and not (problem := reference.problem(drive))
+        problem = reference.problem(drive)
+        if origin == REFERENCE and problem:
+            raise SimulationError(f"{name}: no reference: {problem} Home it: {command_line(bus, 'home', name)}")
+        counts_from_reference = not (homes or problem or origin == START)
+        here = reference.position(drive)
+        if check is not None:
+            check(here if counts_from_reference else None)
         if not homes and axis.keys.homing is not None and not keys.simulated:
-            say_origin(name, origin, problem)
-        reference.forget()
+            say_origin(axis, origin, problem, here)
         session = SingleAxisSession(restrict_to_node(keys, name, homes), name, network, axis.rotary, forced)
-        session.node.has_reference = keeps  # until the stop, which finds whether it is lost
+        session.node.has_reference = not (homes or problem)  # until the stop, which finds whether it is lost
+        session.master.before_power = reference.forget
         session.paced = paced
         if page is not None:
             session.paced = True  # it is watched, and can be stopped
             session.master.attend = partial(attend, page, session)
         with (
-            reported_end(session, reference, homes or keeps, bus.hardware),
-            session.enabled(start, axis.keys if keeps and origin != START else None),
+            reported_end(bus, session, reference, homes, not problem),
+            session.enabled(start, axis.keys if counts_from_reference else None),
         ):
             yield session
     if session.master.notes:
@@ -179,56 +195,72 @@ def single_axis_session(
 
 
 @contextmanager
-def reported_end(session: SingleAxisSession, reference: Reference, expected: bool, path: object) -> Iterator[None]:
+def reported_end(
+    bus: BusChoice, session: SingleAxisSession, reference: Reference, homes: bool, was_homed: bool
+) -> Iterator[None]:
     """Print how the block ended: the drive's state and reference, what was recovered, and the master's warnings."""
     name = session.node.name
+    home = "" if not (homes or was_homed) else command_line(bus, "home", name)
+    lost = home and f"{'The reference is lost' if was_homed else 'It is not homed'}: {home}"
     try:
         yield
-        if text := save_reference(session, reference, expected):
-            say(f"{name}: {text}")
+        if not save_reference(session, reference, was_homed) and lost:
+            say(f"{name}: {lost}")
     except KeyboardInterrupt:
         say()  # a jog leaves its last line open
         say(f"{name}: stopped, in {session.node.state}.")
-        say(save_reference(session, reference, expected) or REFERENCE_VALID)
+        if text := REFERENCE_VALID if save_reference(session, reference, was_homed) else lost:
+            paragraph(text)
         raise
     except SimulationError as error:
         if page_watchdog() is not None:
             say()  # the error does not overwrite the last live values
-        text = save_reference(session, reference, expected) or (REFERENCE_VALID if session.node.has_reference else "")
-        raise SimulationError(f"{error}{after_stop(session, text, path)}") from error
+        text = REFERENCE_VALID if save_reference(session, reference, was_homed) else lost
+        raise SimulationError(f"{error}{after_stop(bus, session, text)}") from error
     finally:
         for text in session.master.recovered:
             paragraph(text)
         for note in session.master.notes:
-            paragraph(f"warning: {note}")
+            paragraph(bus.complete(f"warning: {note}"))
 
 
-def say_origin(name: str, origin: str | None, problem: str) -> None:
-    """Print what positions and limits count from, where that is not the reference."""
+def say_origin(axis: Axis, origin: str | None, problem: str, here: float) -> None:
+    """Print what positions and limits count from, where that is not the reference, or where it stands outside of the limits."""
+    name, (low, high) = axis.name, axis.keys.limits.position
     if problem:
-        paragraph(f"{name}: positions and limits count from here, an end stop may be nearer: {problem}")
+        paragraph(
+            f"{name}: positions and limits count from here, an end stop may be nearer: {problem} It is "
+            f"{axis.format_quantity(here)} from where it was switched on, if 6064h counts from there."
+        )
     elif origin == START:
         paragraph(f"note: {name}: --from-start: positions and limits count from here, an end stop may be nearer.")
+    elif not low <= here <= high:
+        paragraph(
+            f"note: {name}: it is at {axis.format_quantity(here)}, outside of limits.position: it may only go inside, and has "
+            "no software limits of its own in this command."
+        )
 
 
-def save_reference(session: SingleAxisSession, reference: Reference, expected: bool) -> str:
-    """Record the reference after a stop; return a sentence if it is lost although it was `expected`.
+def save_reference(session: SingleAxisSession, reference: Reference, was_homed: bool) -> bool:
+    """Record the reference after a stop; return whether the drive has one.
 
     The stop has found whether the drive confirmed it, restarted, or reported an error of its sensor. After a Fault the
-    drive is homed again in any case.
+    drive is homed again in any case. The record of a drive that was refused before it had process data stays as it is.
     """
     from hw_bridge.dictionary import State
 
     node = session.node
+    if not node.started:
+        return was_homed
     node.has_reference &= node.state not in (State.FAULT, State.REACTION)
-    if node.has_reference:
+    if not node.has_reference:
+        reference.forget()
+    elif not reference.is_recorded:
         reference.save(node)
-        return ""
-    reference.forget()
-    return f"The reference is lost: twin hil home {node.name}" if expected else ""
+    return node.has_reference
 
 
-def after_stop(session: SingleAxisSession, reference: str, path: object) -> str:
+def after_stop(bus: BusChoice, session: SingleAxisSession, reference: str) -> str:
     """Return the state in which a failed motion has left the drive, and the next command; empty if it was never reached."""
     from hw_bridge.dictionary import State, cia402
 
@@ -238,11 +270,12 @@ def after_stop(session: SingleAxisSession, reference: str, path: object) -> str:
     if node.state not in cia402.AT_REST or session.master.notes:
         return f" {node.name}: last state {node.state}. Check it before you touch it. {reference}".rstrip()
     in_fault = node.state is State.FAULT
-    command = f"twin hil reset {path}" if in_fault else f"twin hil jog {node.name} -f {path}"
+    command = f"twin hil reset {bus.hardware}" if in_fault else command_line(bus, "jog", node.name)
     position = f"{node.format_length(node.position)} {session.origin}"
     return (
-        f" {node.name}: power is off ({node.state}), at {position}. {reference}{' ' if reference else ''}"
-        f"Next, once the cause is removed: {command}"
+        f" {node.name}: power is off ({node.state}), at {position}. {reference}"
+        f"{'; next' if reference and not reference.endswith('.') else ' Next' if reference else 'Next'}, once the cause is "
+        f"removed: {command}"
     )
 
 
@@ -253,17 +286,17 @@ def attend(page: PageWatchdog, session: SingleAxisSession) -> None:
 
 
 def show_live(session: SingleAxisSession, is_page: bool = False) -> None:
-    """Print position, velocity, current and the session's note on one line, ten times a second; on a page also the state."""
+    """Print position, velocity, current and the session's note on one line, again and again; on a page also the state."""
     node, now = session.node, session.network.now
-    if now < session.next_line:
+    if now < session.next_line or (is_page and session.counts_anew()):
         return
-    session.next_line = now + LINE_PERIOD
+    session.next_line = now + (PAGE_PERIOD if is_page else LINE_PERIOD)
     mark = {1: ">", -1: "<"}.get((session.ramp.velocity > 0) - (session.ramp.velocity < 0), " ")
     position, speed = node.format_length(node.position), f"{node.format_length(session.mean_velocity())}/s"
     current = node.current
     if is_page:
         values = (
-            f"position {position:>10} {session.origin}, velocity {speed:>9}, current {current:5.2f} A, {node.state}"
+            f"position {position:>10} {session.origin}, velocity {speed:>9}, current {current:6.3f} A, {node.state}"
         )
     else:
         values = f"{position:>14} {speed:>14} {current:8.2f} A"
@@ -271,8 +304,11 @@ def show_live(session: SingleAxisSession, is_page: bool = False) -> None:
     sys.stdout.flush()
 
 
-def check_before_power(sdo_session: SdoSession, axis: Axis, path: object) -> None:
-    """Before power: refuse an earlier error, which would hide a later one, and compare limits with the drive's own."""
+def check_before_power(sdo_session: SdoSession, axis: Axis, path: object) -> bool:
+    """Before power: refuse an earlier error, which would hide a later one, and compare limits with the drive's own.
+
+    Return whether the drive is in Fault, which the master refuses with its cause.
+    """
     from hw_bridge.commission import BOOT, assert_not_driven, limits, pending_error
     from hw_bridge.dictionary import State, state_of
 
@@ -280,7 +316,7 @@ def check_before_power(sdo_session: SdoSession, axis: Axis, path: object) -> Non
         sdo_session.wait(BOOT)
     node = sdo_session.drive(axis.name)
     node.rotary = axis.rotary
-    in_fault = state_of(node.sdo.number(0x6041) & 0xFFFF) in (State.FAULT, State.REACTION)  # the master reports that
+    in_fault = state_of(node.sdo.number(0x6041) & 0xFFFF) in (State.FAULT, State.REACTION)
     assert_not_driven(node)
     if not in_fault and (text := pending_error(node)):
         raise SimulationError(f"{text} Reset it first: twin hil reset {path}")
@@ -289,3 +325,4 @@ def check_before_power(sdo_session: SdoSession, axis: Axis, path: object) -> Non
         raise SimulationError(absurd)
     for text, _ in wider_limits:
         paragraph(f"note: {text}")
+    return in_fault

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.motion import check_target
+from hw_bridge.command.bench.motion import assert_inside, check_target
 from hw_bridge.command.bench.options import NODE, on_a_bus, paragraph, table
 from hw_bridge.command.bench.single_axis import ARM, ORIGIN, hardware, select_axis, single_axis_session
 from twin.cli import say
@@ -65,7 +65,11 @@ def step_command(
         raise SimulationError(
             f"--by {axis.format_quantity(size)}: the simulated drive meets a limit: {error} Take less."
         ) from None
-    with single_axis_session(bus, axis, arm, origin=origin) as session:
+
+    def check(position: float | None) -> None:
+        assert_inside(axis, (position or 0.0) + size, position)
+
+    with single_axis_session(bus, axis, arm, origin=origin, check=check) as session:
         check_target(session, session.node.position + size)
         real = steps.response(session, size)
     curves = {axis.name: real}

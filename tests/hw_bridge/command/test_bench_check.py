@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from hw_bridge.bus import MILLISECOND
 from hw_bridge.command import hil
-from hw_bridge.commission import planned_rows
+from hw_bridge.commission import planned_rows, softer_stop
 from hw_bridge.commission.bus_scan import DUPLICATE_ID, ScannedNode
 from hw_bridge.dictionary import State
 from hw_bridge.hardware import HardwareKeys, load
@@ -178,6 +178,18 @@ def test_what_a_run_would_write_is_shown(capsys):
     assert "limits.velocity" not in brief.partition("object ")[2]
 
 
+@pytest.mark.parametrize(("own", "is_softer"), [(10_000, True), (3_000, False), (2_000, False)])
+def test_a_quick_stop_that_is_softer_than_the_drives_own_is_noted(own, is_softer):
+    node = unconnected_node(
+        values={(0x6085, 0): own}, limits={"acceleration": "3 m/s^2"}, units={"acceleration": "1 mm/s^2"}
+    )
+    note = (
+        "axis: during a run the quick stop brakes with 3 m/s^2 (limits.acceleration), softer than the drive's own 10 m/s^2 "
+        "(6085h). If the machine bears more, raise limits.acceleration."
+    )
+    assert softer_stop(plan_drive(node, 5 * MILLISECOND, 127)) == [note] * is_softer
+
+
 def test_what_a_killed_command_left_is_a_problem(monkeypatch, tmp_path):
     """Its error and its journal come first; the values before it are those that are restored."""
     node = unconnected_node(values={(0x6041, 0): WORDS[State.DISABLED], (0x1001, 0): 0x11}, objects={"6067h": 50})
@@ -187,7 +199,7 @@ def test_what_a_killed_command_left_is_a_problem(monkeypatch, tmp_path):
     left = [ObjectChange(0x6067, 0, b"\x07\0\0\0")]
     monkeypatch.setattr("hw_bridge.commission.nvm.unrestored_objects", lambda *_: left)
     findings = hil.unready(master, node)
-    assert findings.problems[0].startswith("axis: still tells an error (1001h is 11h)")
+    assert findings.problems[0].startswith("axis: reports an earlier error (1001h is 11h)")
     assert findings.problems[1].startswith(
         "axis: a killed command left 1 objects as it wrote them. Reset, then restore"
     )
@@ -233,7 +245,13 @@ def test_an_absurd_limit_is_a_problem():
             False,
             "axis: is in Fault, and does not say why. Reset: Fault. Its cause is still there.",
         ),
-        ({(0x1001, 0): 0x10}, [], State.DISABLED, True, "axis: still tells an error (1001h is 10h). Reset: Switch on"),
+        (
+            {(0x1001, 0): 0x10},
+            [],
+            State.DISABLED,
+            True,
+            "axis: reports an earlier error (1001h is 10h). Reset: Switch on",
+        ),
         ({(0x6041, 0): WORDS[State.FAULT]}, ["another.", "wrong."], None, False, "differs: another. wrong."),
         (
             {(0x6041, 0): WORDS[State.ENABLED], (0x1001, 0): 0x10},

@@ -3,7 +3,9 @@
 import itertools
 import re
 from contextlib import contextmanager
+from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import ANY
 
 import click
 import pytest
@@ -48,7 +50,7 @@ def run(tmp_path, monkeypatch):
         done = CliRunner().invoke(hil.command, [*words, "-f", str(file)])
         error = "" if done.exception is None or isinstance(done.exception, SystemExit) else str(done.exception)
         assert done.exit_code == code, f"{done.output}{error}"
-        return " ".join((done.output + error).replace("│", " ").split())
+        return " ".join((done.output + error).replace("│", " ").replace(str(file), "FILE").split())
 
     run.node, run.session = node, session
     return run
@@ -91,7 +93,7 @@ class Moves:
 def test_a_move(run, words, goal, speed, rate):
     text = run("move", "axis", *words)
     assert run.session.moves == [(pytest.approx(goal), pytest.approx(speed), pytest.approx(rate))]
-    assert run.session.opened == ("axis", False, {"origin": "reference" if "--to" in words else None})
+    assert run.session.opened == ("axis", False, {"origin": "reference" if "--to" in words else None, "check": ANY})
     assert text == (
         f"axis: from 1.00 mm to {1e3 * goal:.2f} mm at {1e3 * speed:g} mm/s; positions count from start. "
         f"axis: is at {1e3 * goal + 0.01:.2f} mm, largest following error 0.25 mm."
@@ -280,7 +282,7 @@ def test_an_object_is_set_and_read_back(run):
     text = run("set", "axis", "6083h", "0.3 m/s^2")
     assert run.node.server.written == [(0x6083, 0, 300)]
     assert text.startswith("axis: 6083h.0 Profile acceleration: 0.3 m/s^2 (300), was 1 m/s^2 (1000).")
-    assert text.endswith("It is lost when the drive is switched off. Keep it: twin hil store 3")
+    assert text.endswith("switched off. Keep it: twin hil store 3 -f FILE")
     assert "607Dh is several objects: " in run("set", "axis", "607Dh", "1 mm", code=2)
     assert "acts at once" in run("set", "axis", "6040h", "15", code=1)
     run.node.server.dictionary.values[0x6041, 0] = WORDS[State.ENABLED]
@@ -383,3 +385,23 @@ def test_what_is_typed_counts_before_the_environment(tmp_path, monkeypatch, word
     assert bus.hardware == (path if file else None)
     assert (bus.bit_rate, bus.options, bus.trace, str(bus.build)) == (1_000_000, {}, None, "build")
     assert (bus.interface, bus.channel) == (("virtual", "x") if words else (None, None))
+
+
+@pytest.mark.parametrize(
+    ("text", "real", "completed"),
+    [
+        ("Restore them first: twin hil restore 1", False, "Restore them first: twin hil restore 1 -f b.yaml"),
+        ("`twin hil disable 3` brings it to rest", True, "`twin hil disable 3 -f b.yaml` brings it to rest"),
+        ("(twin hil jog axis). Else", True, "(twin hil jog axis -f b.yaml --arm). Else"),
+        ("twin hil set 3 605Ah 2.", False, "twin hil set 3 605Ah 2 -f b.yaml."),
+        ("with `twin hil reset FILE`.", False, "with `twin hil reset b.yaml`."),
+        ("twin hil restore axis -f FILE.", False, "twin hil restore axis -f b.yaml."),
+        ("twin hil home axis -f c.yaml", False, "twin hil home axis -f c.yaml"),
+    ],
+)
+def test_remedies_run_as_they_are_printed(monkeypatch, tmp_path, text, real, completed):
+    monkeypatch.setattr(BusChoice, "is_software", not real)
+    bus = BusChoice(Path("b.yaml"), None, None, 1_000_000, {}, None, tmp_path)
+    assert bus.complete(text) == completed
+    other = BusChoice(None, "socketcan", "can0", 1_000_000, {}, None, tmp_path)
+    assert other.complete("twin hil store 1") == "twin hil store 1 -i socketcan -c can0"

@@ -10,9 +10,9 @@ from types import SimpleNamespace
 import pytest
 
 from hw_bridge.command.bench.motion import READY
-from hw_bridge.command.pages import SIMULATED, TITLE, Page, armed, fill
+from hw_bridge.command.pages import SIMULATED, TITLE, Page, fill
 from hw_bridge.command.progress import Outcome
-from hw_bridge.command.running_card import TILES
+from hw_bridge.command.running_card import TILES, armed
 from hw_bridge.command.typed import Typed
 from twin import web
 from twin.errors import TwinError
@@ -127,14 +127,15 @@ def test_a_simulated_bench(typed, build):
         "axis",
         "node 3, -20 mm to 30 mm, 100 mm/s, 4 m/s^2; limits are those of the hardware file",
     ]
-    assert [text for text in page.labels if text.startswith("Method")] == ["Method 37, then it is at 4 mm:"]
+    assert [text for text in page.labels if text.startswith("Method")] == ["Method 37, the reference position is 4 mm:"]
     assert "1. it does not move: where it stands is the reference" in page.labels
+    assert any(text.endswith("80 % of limits.force; timeout 30 s.") for text in page.labels)
     assert "valves" in page.labels
     assert page.inputs == [
         ("speed", "2 mm/s", "up to 80 mm/s"),
         ("acceleration", "0.4 m/s^2", "up to 4 m/s^2"),
         ("at most, each way", "10 mm", "within the limits"),
-        ("by", "", "a way that ends within -20 mm to 30 mm"),
+        ("by", "", "before homing up to 10 mm"),
         ("to (from home)", "", "-20 mm to 30 mm"),
         ("speed", "2 mm/s", "up to 80 mm/s"),
         ("acceleration", "0.4 m/s^2", "up to 4 m/s^2"),
@@ -213,6 +214,7 @@ def test_the_numbers_of_the_steps_say_what_has_become_of_them(typed, build):
     assert (looks["check"]["caption"], looks["check"]["error"]) == ("failed", True)
     assert (looks["status"]["caption"], looks["status"]["prefix"]) == ("running", "2")
     assert (looks["check"]["icon"], looks["check"]["error-icon"]) == ("close", "close")  # also of the chosen step
+    assert (looks["dump"]["caption"], looks["compare"]["caption"]) == ("Save the drive", "Compare with the save")
     assert looks["direction, by hand"]["caption"].startswith("A simulated drive cannot be pushed by hand")
     runner.running = False
     runner.progress.record(check, "", Outcome.DONE)
@@ -221,7 +223,7 @@ def test_the_numbers_of_the_steps_say_what_has_become_of_them(typed, build):
     for word in ("check", "jog"):  # one that was done before it was stopped stays done
         runner.progress.record(f"twin hil {word} {runner.file} axis", "axis", Outcome.NEUTRAL)
     looks = {step.props["name"]: step.props for step in build(runner).stepper.default_slot.children}
-    assert [looks[name]["caption"][:7] for name in ("check", "jog")] == ["done 20", "stopped"]
+    assert [looks[name]["caption"][:7] for name in ("check", "jog")] == ["done 20", "not com"]
     assert (looks["jog"]["icon"], looks["jog"]["error-icon"]) == ("stop", "stop")
 
 
@@ -333,7 +335,9 @@ def test_the_card_of_a_running_command(typed, build):
     runner.running = False
     page = build(runner)
     assert (page.labels[-1], page.spins, page.charts) == (runner.line, False, [False])
-    runner.motion.process_output("  position 1.00 mm from start, velocity 0.00 mm/s, current 0.00 A, Switched on   \r")
+    runner.motion.process_output(
+        "  position 1.00 mm from start, velocity 0.00 mm/s, current 0.00 A, Operation enabled   \r"
+    )
     page = build(runner)
     assert (page.charts, page.labels.count("from start")) == ([True], 1)
 

@@ -20,7 +20,7 @@ from tests.hw_bridge.unconnected import WORDS, unconnected_node
 
 SIMULATED = "simulated: true\nnodes:\n  axis: {node: 3, profile: faulhaber_v3}\n"
 REAL = SIMULATED.replace("simulated: true", "interface: socketcan\nchannel: can0")
-RAM = "It is lost when the drive is switched off. Keep it: twin hil store 3"
+RAM = "It is lost when the drive is switched off. Keep it: twin hil store 3 -f bench.yaml"
 SAVE = (0x1010, 1, int.from_bytes(b"save", "little"))
 LOAD = (0x1011, 1, int.from_bytes(b"load", "little"))
 
@@ -171,7 +171,7 @@ def test_objects_that_a_drive_does_not_have_are_told_in_a_dump(run, tmp_path):
 def test_what_is_stored_is_shown_beside_a_dump(run, tmp_path):
     assert run("store", "axis") == (
         "note: there is no dump of this drive to compare with. Take one before you change it: twin hil dump "
-        "axis: all parameters are stored."
+        "axis -f bench.yaml before.dcf axis: all parameters are stored."
     )
     file = tmp_path / "a.dcf"
     run("dump", "axis", str(file))
@@ -305,7 +305,7 @@ def test_nodes_of_a_scan(run, monkeypatch):
         "differs: node 5 is not in the hardware file. Add it, or take it off the bus."
     )
     nodes[1:] = [ScannedNode(127, problem="the master of a run")]
-    assert "differs" not in run("scan")
+    assert run("scan").endswith("node 127: heartbeat of a program that commands drives, such as twin hil or twin run")
     nodes[0] = ScannedNode(1, "a drive")
     assert run("scan", code=1).endswith(
         "differs: axis: node 3 does not answer. Check its power and node-ID. "

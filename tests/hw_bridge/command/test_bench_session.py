@@ -34,30 +34,32 @@ def session(tmp_path, monkeypatch):
     Over 60 lines: the replaced classes append to one list.
     """
     calls = []
-    state = SimpleNamespace(calls=calls, problem="", notes=[], recovered=[], page=None, is_lost=False)
+    state = SimpleNamespace(calls=calls, problem="", notes=[], recovered=[], page=None, is_lost=False, refusal="")
     network = SimpleNamespace()
 
     class Reference:
         def __init__(self, keys, name, rotary):
             calls.append(("reference", name, rotary))
 
-        def check(self, _drive):
-            if state.problem:
-                raise SimulationError(state.problem)
-
         def problem(self, _drive):
             return state.problem
 
+        def position(self, _drive):
+            return 0.02
+
         def forget(self):
             calls.append("forget")
+            self.is_recorded = False
 
         def save(self, node):
             calls.append(("save", node.name))
 
+        is_recorded = True
+
     class Session:
         def __init__(self, keys, name, bus, rotary, forced):
             calls.append(("session", list(keys.nodes), keys.nodes[name].homing is not None, rotary, forced))
-            self.master = SimpleNamespace(recovered=state.recovered, notes=state.notes, attend=None)
+            self.master = SimpleNamespace(recovered=state.recovered, notes=state.notes, attend=None, before_power=None)
             self.node = SimpleNamespace(
                 name="axis", state=State.DISABLED, has_reference=False, started=True, position=0.02, format_length=str
             )
@@ -67,6 +69,10 @@ def session(tmp_path, monkeypatch):
         def enabled(self, start, homed):
             calls.append(("enabled", start, homed is not None, self.paced, self.master.attend))
             self.node.has_reference |= self.homes  # as the master does when it has homed
+            self.node.started = state.refusal in ("", "no position")
+            if state.refusal:
+                raise SimulationError(state.refusal)
+            self.master.before_power()
             try:
                 yield self
             finally:
@@ -86,7 +92,7 @@ def session(tmp_path, monkeypatch):
     monkeypatch.setattr("hw_bridge.commission.identity_text", lambda drive: f"node 3 ({drive}): serial 7h")
     monkeypatch.setattr("hw_bridge.commission.SingleAxisSession", Session)
     monkeypatch.setattr("hw_bridge.master.Reference", Reference)
-    monkeypatch.setattr(single_axis, "check_before_power", lambda *given: calls.append(("checked", given[1].name)))
+    monkeypatch.setattr(single_axis, "check_before_power", lambda *given: calls.append("checked"))
 
     def enter(homing=True, inside=lambda opened: None, **options):
         file = tmp_path / "bench.yaml"
@@ -105,7 +111,7 @@ def session(tmp_path, monkeypatch):
     return state
 
 
-BEGIN = [("checked", "axis"), ("reference", "axis", False), "forget"]
+BEGIN = [("reference", "axis", False), "checked"]
 
 
 @pytest.mark.parametrize(
@@ -128,6 +134,7 @@ def test_a_reference_is_forgotten_during_a_motion_and_kept_after_it(session, cap
         *BEGIN,
         ("session", ["axis"], homes, False, options.get("forced", False)),
         ("enabled", options.get("start", 0.0), homed, options.get("paced", False), None),
+        "forget",
         "inside",
         "disabled",
         ("save", "axis") if is_kept else "forget",
@@ -140,7 +147,7 @@ def test_a_reference_is_forgotten_during_a_motion_and_kept_after_it(session, cap
     ("homing", "problem", "text"),
     [
         (False, "", "nodes.axis has no `homing`, so that the drive has no reference"),
-        (True, "axis: no reference: pushed", "axis: no reference: pushed"),
+        (True, "pushed.", r"axis: no reference: pushed\. Home it: twin hil home axis -f \S+bench.yaml$"),
     ],
 )
 def test_a_drive_without_a_valid_reference_does_not_count_from_it(session, homing, problem, text):
@@ -180,14 +187,19 @@ def test_warnings_of_a_session_are_an_error_at_its_end(session, capsys):
             State.DISABLED,
             True,
             "",
-            "lost: twin hil home axis Next, once the cause is removed: twin hil jog axis -f FILE",
+            "lost: twin hil home axis -f FILE; next, once the cause is removed: twin hil jog axis -f FILE",
         ),
-        (State.FAULT, False, "", "lost: twin hil home axis Next, once the cause is removed: twin hil reset FILE"),
+        (
+            State.FAULT,
+            False,
+            "",
+            "lost: twin hil home axis -f FILE; next, once the cause is removed: twin hil reset FILE",
+        ),
         (
             State.ENABLED,
             True,
             "",
-            "last state Operation enabled. Check it before you touch it. The reference is lost: twin hil home axis",
+            "last state Operation enabled. Check it before you touch it. The reference is lost: twin hil home axis -f FILE",
         ),
     ],
 )
@@ -204,15 +216,54 @@ def test_a_motion_that_failed_says_how_it_left_the_drive(session, tmp_path, stat
     assert (("save", "axis") in session.calls) == ("kept" in end)
 
 
+@pytest.mark.parametrize("refusal", ["its scale is ASSUMED", "no position"])
+@pytest.mark.parametrize("problem", ["", "pushed"])
+def test_a_refusal_leaves_the_record_of_the_reference_as_it_is(session, refusal, problem):
+    """Nothing has moved, and no position was read that could be recorded."""
+    session.refusal, session.problem = refusal, problem
+    with pytest.raises(SimulationError, match=refusal):
+        session.enter()
+    assert ("save", "axis") not in session.calls
+    assert "inside" not in session.calls
+    assert ("forget" in session.calls) is (problem != "" and refusal == "no position")
+
+
+def test_a_drive_in_fault_has_lost_its_reference_also_if_it_is_refused(session, monkeypatch):
+    session.refusal = "is in Fault"
+    monkeypatch.setattr(single_axis, "check_before_power", lambda *_: True)
+    with pytest.raises(SimulationError, match="is in Fault"):
+        session.enter()
+    assert session.calls.count("forget") == 1
+
+
+@pytest.mark.parametrize(("options", "position"), [({}, 0.02), ({"origin": "start"}, None), ({"homes": True}, None)])
+def test_a_target_is_checked_before_anything_is_written(session, options, position):
+    def check(found):
+        session.calls.append(("position", found))
+        raise SimulationError("outside")
+
+    with pytest.raises(SimulationError, match="outside"):
+        session.enter(check=check, **options)
+    assert session.calls == [*BEGIN, ("position", position), "closed"][: len(session.calls)]
+
+
 def test_an_interrupted_motion_says_whether_the_reference_is_kept(session, capsys):
     def interrupt(_opened):
         raise KeyboardInterrupt
 
-    for is_lost, text in ((False, "The reference is kept."), (True, "The reference is lost: twin hil home axis")):
-        session.is_lost = is_lost
+    for is_lost, problem, options, text in (
+        (False, "", {}, "The reference is kept."),
+        (True, "", {}, "The reference is lost: twin hil home axis -f "),
+        (False, "none", {}, ""),  # it never had one
+        (True, "none", {"homes": True}, "It is not homed: twin hil home axis -f "),
+    ):
+        session.is_lost, session.problem = is_lost, problem
         with pytest.raises(KeyboardInterrupt):
-            session.enter(inside=interrupt)
-        assert capsys.readouterr().out == f"\naxis: stopped, in Switch on disabled.\n{text}\n"
+            session.enter(inside=interrupt, **options)
+        assert " ".join(capsys.readouterr().out.split()).startswith(
+            f"axis: stopped, in Switch on disabled. {text}".rstrip()
+        )
+        session.calls.clear()
 
 
 def test_a_motion_that_failed_on_a_page_leaves_its_live_values(session, capsys):
@@ -256,7 +307,7 @@ def test_the_line_of_a_jog(capsys, speed, mark):
     node = SimpleNamespace(
         position=0.001, velocity=-0.002, current=0.256, format_length=lambda value: f"{1e3 * value:.2f} mm"
     )
-    network = SimpleNamespace(now=5)
+    network, state = SimpleNamespace(now=5), SimpleNamespace(anew=True)
     held = SimpleNamespace(
         node=node,
         ramp=SimpleNamespace(velocity=speed),
@@ -265,15 +316,19 @@ def test_the_line_of_a_jog(capsys, speed, mark):
         note="",
         origin="from start",
         mean_velocity=lambda: -0.00149,
+        counts_anew=lambda: state.anew,
     )
     single_axis.show_live(held)
     values = f"\r{mark}        1.00 mm     -1.49 mm/s     0.26 A"
     assert capsys.readouterr().out == f"{values}   {'':<27}"
     single_axis.show_live(held)  # not yet again
     network.now, held.note, node.state = 5 + single_axis.LINE_PERIOD, "upper end (--distance)", "Quick stop active"
+    single_axis.show_live(held, is_page=True)  # a drive that homes has set its position to 0
+    assert capsys.readouterr().out == ""
+    state.anew = False
     single_axis.show_live(held, is_page=True)
     line = capsys.readouterr().out
-    values = "position    1.00 mm from start, velocity -1.49 mm/s, current  0.26 A, Quick stop active"
+    values = "position    1.00 mm from start, velocity -1.49 mm/s, current  0.256 A, Quick stop active"
     assert line == f"\r{mark} {values}   upper end (--distance)     \r"
     assert single_axis.LIVE_VALUES.match(line[1:]).groupdict() == {
         "mark": mark,
@@ -281,7 +336,7 @@ def test_the_line_of_a_jog(capsys, speed, mark):
         "unit": "mm",
         "origin": "from start",
         "velocity": "-1.49 mm/s",
-        "current": "0.26",
+        "current": "0.256",
         "state": "Quick stop active",
     }
 

@@ -11,29 +11,32 @@ STEP = {step.title: step for step in STEPS}
 
 
 @pytest.mark.parametrize(
-    ("word", "code", "text", "has_moved", "result"),
+    ("word", "code", "text", "directions", "result"),
     [
-        ("jog", 0, "", False, Outcome.DONE),
-        ("jog", 130, "interrupted", True, Outcome.NEUTRAL),  # STOP may mean that something was wrong
-        ("jog", 1, SILENT, True, Outcome.DONE),
-        ("jog", 1, SILENT, False, Outcome.NEUTRAL),
+        ("jog", 0, "", 0, Outcome.NEUTRAL),
+        ("jog", 0, "", 1, Outcome.NEUTRAL),
+        ("jog", 0, "", 2, Outcome.DONE),
+        ("move", 0, "", 1, Outcome.DONE),
+        ("jog", 130, "interrupted", 2, Outcome.NEUTRAL),  # STOP may mean that something was wrong
+        ("jog", 1, SILENT, 2, Outcome.NEUTRAL),
         (
             "jog",
             1,
             f"{SILENT.rstrip()} axis: power is off (Switch on disabled), at 1.00 mm from start.\n",
-            True,
-            Outcome.DONE,
+            2,
+            Outcome.NEUTRAL,
         ),
-        ("jog", 1, f"{SILENT.rstrip()} axis: power is off (Fault), at 1.00 mm from start.\n", True, Outcome.FAILED),
-        ("move", 1, SILENT, True, Outcome.NEUTRAL),
-        ("jog", 1, f"warning: axis: is in Fault.\n{SILENT}", True, Outcome.FAILED),
-        ("jog", 1, f"{SILENT.rstrip()} axis: EMCY 8611h, following error.\n", True, Outcome.FAILED),
-        ("jog", 1, "error: axis: force 9 N is above 8 N. It stops.\n", True, Outcome.FAILED),
-        ("check", 1, "differs: axis: its scale\n", False, Outcome.FAILED),
+        ("jog", 1, f"{SILENT.rstrip()} axis: power is off (Fault), at 1.00 mm from start.\n", 2, Outcome.FAILED),
+        ("move", 1, SILENT, 2, Outcome.NEUTRAL),
+        ("jog", 1, f"warning: axis: is in Fault.\n{SILENT}", 2, Outcome.FAILED),
+        ("jog", 1, f"{SILENT.rstrip()} axis: EMCY 8611h, following error.\n", 2, Outcome.FAILED),
+        ("jog", 1, "error: axis: force 9 N is above 8 N. It stops.\n", 2, Outcome.FAILED),
+        ("check", 1, "differs: axis: its scale\n", 0, Outcome.FAILED),
     ],
 )
-def test_what_the_end_of_a_command_means(word, code, text, has_moved, result):
-    assert outcome(word, code, text, has_moved) is result
+def test_what_the_end_of_a_command_means(word, code, text, directions, result):
+    """A jog is done after both directions and an orderly end."""
+    assert outcome(word, code, text, ["positive", "negative"][:directions]) is result
 
 
 def test_steps_are_known_after_a_restart(tmp_path):
@@ -73,28 +76,34 @@ def test_steps_are_known_after_a_restart(tmp_path):
     assert progress().done == {}
 
 
+LINE = "> position    1.25 mm from start, velocity  4.98 mm/s, current -0.100 A, Operation enabled   upper end    "
+
+
 def test_values_of_a_motion_are_taken_from_its_output():
-    """Also where a part ends in the middle of a line; a repeated line is a sample."""
+    """Also where a part ends in the middle of a line; a repeated line is a sample. Time begins with power."""
     motion = LiveMotion()
-    line = "> position    1.25 mm from start, velocity  4.98 mm/s, current -0.10 A, Operation enabled   upper end    "
-    motion.process_output(f"axis: hold a button.\n\r{line[:40]}")
-    assert (motion.has_samples, motion.state) == (False, "")
-    motion.process_output(f"{line[40:]}\r\r{line.replace('1.25', '1.75')}\r")
+    motion.process_output(f"\r{LINE.replace('Operation enabled', 'Switched on')}\r")
+    assert (motion.has_samples, motion.state) == (False, "Switched on")
+    motion.process_output(f"axis: hold a button.\n\r{LINE[:40]}")
+    assert not motion.has_samples
+    motion.process_output(f"{LINE[40:]}\r\r{LINE.replace('1.25', '1.75')}\r")
     assert (motion.state, motion.position, motion.velocity) == ("Operation enabled", "1.75 mm", "4.98 mm/s")
-    assert (motion.current, motion.origin, motion.direction) == ("-0.10 A", "from start", "positive")
+    assert (motion.current, motion.origin, motion.direction) == ("-0.100 A", "from start", "positive")
     begin, end = motion.span()
-    motion.process_output(f"{line.replace('1.25', '6.44').replace('from start', 'in the drive')}\r")
-    assert (motion.position, motion.origin, motion.span()) == (
-        "6.44 mm",
-        "in the drive",
-        (begin, end),
-    )  # no jump in the chart
-    motion.process_output(f"{line.replace('1.25', '1.75')}\r")
-    motion._samples.pop()
+    assert begin == 0.0
     time, position = motion.read("position", begin, end, 100)
     assert (list(time), list(position)) == ([begin, end], [1.25, 1.75])
     assert list(motion.read("current", end, end + 1.0, 100)[1])[-1] == -0.1
-    motion.process_output("  position -4.00 deg from reference, velocity 0.00 deg/s, current 0.00 A, Fault   \r")
-    assert (motion.direction, motion.has_moved, motion.unit, motion.origin) == ("", True, "deg", "from reference")
+    motion.process_output("< position -4.00 deg from reference, velocity 0.00 deg/s, current 0.00 A, Fault   \r")
+    assert (motion.directions, motion.unit, motion.origin) == ({"positive", "negative"}, "deg", "from reference")
     motion.begin()
-    assert (motion.has_moved, motion.has_samples, motion.span()) == (False, False, (0.0, 0.0))
+    assert (motion.directions, motion.has_samples, motion.span()) == (set(), False, (0.0, 0.0))
+    assert [len(values) for values in motion.read("position", 0.0, 1.0, 100)] == [0, 0]  # an empty chart
+
+
+def test_the_curve_of_a_homing_counts_from_the_reference_in_the_end():
+    """The drive sets its position anew: in one curve that would be a jump that did not happen."""
+    motion = LiveMotion()
+    for place, origin in (("7.00", "in the drive"), ("2.00", "in the drive"), ("-40.00", "from reference")):
+        motion.process_output(f"{LINE.replace('1.25', place).replace('from start', origin)}\r")
+    assert list(motion.read("position", *motion.span(), 100)[1]) == [-35.0, -40.0, -40.0]

@@ -10,6 +10,7 @@ from hw_bridge.commission import SdoSession
 from hw_bridge.device import Drive, Module, Motor
 from hw_bridge.dictionary import State
 from hw_bridge.hardware import HardwareKeys
+from hw_bridge.journal import state_folder
 from hw_bridge.master import restoration, setup
 from hw_bridge.profiles import device, profile
 
@@ -257,6 +258,25 @@ def test_a_homed_drive_stays_in_its_limits_without_an_option(homes, tmp_path, na
     assert "from 0.00 mm to 2.00 mm" in said
     said = run("move", "servomotor", "--by", "-3 mm", "--arm")  # from outside it may come back
     assert f"from {end + 1}." in said
+
+
+@pytest.mark.slow
+def test_a_refused_move_leaves_the_reference_as_it_is(homes, tmp_path):
+    """Before power, also after the bus was begun; status says from where positions count."""
+    run, file = homes(), tmp_path / "bench.yaml"
+    assert ", not homed" in run("status", "servomotor")
+    run("home", "servomotor", "--arm")
+    (record,) = (state_folder() / "references").iterdir()
+    before = record.read_bytes()
+    assert "-39.00 mm from reference (6064h 1 mm), homed" in run("status", "servomotor")
+    right = file.read_text()
+    file.write_text(right.replace("    limits:", "    motor: nothing\n    limits:").replace("nothing", "lm1247"))
+    run("move", "servomotor", "--by", "1 mm", "--arm", code=1)
+    file.write_text(right)
+    refused = run("move", "servomotor", "--to", "60 mm", "--arm", code=1)
+    assert "60 mm from reference is outside of limits.position, -45 mm to 45 mm. It is at -39 mm. Nothing" in refused
+    assert record.read_bytes() == before
+    assert "is at -38.0" in run("move", "servomotor", "--by", "1 mm", "--arm")
 
 
 @pytest.mark.slow

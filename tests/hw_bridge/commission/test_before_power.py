@@ -83,7 +83,12 @@ def test_planned_writes_for_users():
     [
         ({}, {}, "", ""),
         ({(0x6041, 0): WORDS[State.ENABLED]}, {}, "axis: is in Operation enabled: somebody drives it.", ""),
-        ({(0x1001, 0): 0x10}, {}, "axis: still tells an error (1001h is 10h). Reset it first: twin hil reset FILE", ""),
+        (
+            {(0x1001, 0): 0x10},
+            {},
+            "axis: reports an earlier error (1001h is 10h). Reset it first: twin hil reset FILE",
+            "",
+        ),
         ({(0x1001, 0): 0x10, (0x6041, 0): WORDS[State.FAULT]}, {}, "", ""),  # the master reports that
         (
             {},

@@ -168,9 +168,9 @@ def test_it_stops_whatever_ends_it(drive, jog, hil_command, end):
         if end.startswith("kill") or end == "bus":
             if end != "bus":
                 text = " ".join(hil_command("check", "-f", drive.file, code=1).split())
-                assert "differs: servomotor: still tells an error" in text
+                assert "differs: servomotor: reports an earlier error" in text
                 assert "differs: servomotor: a killed command left" in text
-            assert "still tells an error" in hil_command("move", 1, "--by", "1 mm", "-f", drive.file, code=1)
+            assert "reports an earlier error" in hil_command("move", 1, "--by", "1 mm", "-f", drive.file, code=1)
             assert "8130h node guarding or heartbeat" in " ".join(hil_command("reset", drive.file).split())
 
 

@@ -173,7 +173,11 @@ def test_nothing_moves_unless_it_is_armed(run, tmp_path):
         (["--by", "1 mm", "--velocity", "1 deg/s"], "does not convert to m/s"),
         ([], "Say how far"),
         (["--to", "1 mm", "--from-start"], "counts from the reference"),
-        (["--by", "50 mm"], "is outside of limits.position, -45.00 mm to 45.00 mm"),
+        (
+            ["--by", "50 mm", "--distance", "50 mm"],
+            "is outside of limits.position, -45 mm to 45 mm. Nothing was enabled.",
+        ),
+        (["--by", "11 mm"], "from where it stands is more than 10 mm, and an end stop may be nearer"),
         (["--by", "1 mm", "--velocity", "300 mm/s"], "must be above 0 and at most 160 mm/s"),
         (["--by", "1 mm", "--acceleration", "4 m/s^2"], "at most 3 m/s^2"),
         (["--to", "1 mm", "--homed"], "has no `homing`, so that"),

@@ -328,8 +328,8 @@ def test_a_drive_that_another_program_drives_is_left_alone(state):
     ("register", "code", "text"),
     [
         (0x01, 0, ""),
-        (0x10, 0, "axis: still tells an error (1001h is 10h)."),
-        (0x11, 0x8130, "axis: still tells an error (1001h is 11h): 8130h"),
+        (0x10, 0, "axis: reports an earlier error (1001h is 10h)."),
+        (0x11, 0x8130, "axis: reports an earlier error (1001h is 11h): 8130h"),
     ],
 )
 def test_an_error_of_communication_that_is_left(register, code, text):

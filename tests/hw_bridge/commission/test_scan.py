@@ -92,7 +92,7 @@ def test_a_drive_with_its_identity_and_states():
             (
                 "8611h following error. It cannot follow: look for a jam, lower velocity and acceleration, check 6065h.; "
                 "8130h node guarding or heartbeat. The program that it watched (1016h) ended or stalled. Start it anew "
-                "after twin hil reset."
+                "once the drive is reset."
             ),
         ),
         (
