@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from html import escape
 from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
+from nicegui.events import GenericEventArguments
 
 from twin.console.curves import elements
 from twin.errors import TwinError
-from twin.live import EXPIRED, OVER
+from twin.live import EXPIRED, OVER, RefusedError
+from twin.scenario import number
 
 if TYPE_CHECKING:
     from twin.console.page import PageContext
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
 MAX_COMMANDS = 200  # listed commands, the latest
 MAX_MATCHES = 12  # listed search results
 HELD, RELEASED = ": held", ": released"  # after the label of a control, in the text of its command
+REFUSAL_SHOWN = 6.0  # time after which the message below a field that was left disappears [s]
+SEND_TEXT = "(event) => emit(event.target.value)"  # of a text field
 
 
 def panel(context: PageContext, more: Callable[[], None]) -> None:
@@ -141,62 +145,94 @@ def number_field(
     shown: float,
     ends: tuple[float, float] | None,
 ) -> None:
-    """Create a field that refuses values outside of its slider or the declared bounds; the slider follows the field."""
+    """Create a text field for a number, which refuses values outside of its slider or the declared bounds, and its slider.
+
+    The text is parsed when Enter is pressed or the field is left. Nothing is written into a field that has the focus: an
+    update that the server sends between two keys would replace what is typed, and another number would be executed.
+    """
     edges = (signal.minimum, signal.maximum) if ends is None else ends
     low, high = (None if edge is None else _shown(signal, edge) for edge in edges)
-    applied = [shown]
-
-    def refused(value: Any) -> str | None:
-        reason = refusal(value, low, high)
-        return reason and f"{reason}; still {applied[0]:g}"
-
-    # without min and max, to which NiceGUI would silently move the value when the field is left
-    field = ui.number(value=shown, validation=refused).props(
-        f'dense outlined suffix="{signal.display_unit}" step=any no-error-icon hide-bottom-space aria-label="{name}"'
+    applied, entry, has_focus = [shown], list[str | None]([None]), [False]  # value in force; text that is being executed
+    field = ui.input(value=f"{shown:.9g}").without_auto_validation()
+    field.props(
+        f'dense outlined inputmode=decimal autocomplete=off suffix="{signal.display_unit}" '
+        f'no-error-icon hide-bottom-space aria-label="{name}"'
     )
 
-    async def apply_entry() -> None:
-        value = field.value
-        if not field.validate():
-            return
-        wanted = (value - signal.offset) / signal.factor
-        if await context.run(live.set, name, round(wanted) if signal.type.lstrip("U").startswith("Int") else wanted):
+    def restore() -> None:
+        if not has_focus[0]:
+            field.set_value(f"{applied[0]:.9g}")
+
+    async def apply_entry(text: str) -> bool:
+        """Execute a text; return False if it is refused."""
+        try:
+            value = parse_entry(text, signal.display_unit, low, high)
+        except TwinError as error:
+            field.error = f"{error} Still {applied[0]:g} {signal.display_unit}".rstrip() + "."
+            return False
+        field.error, entry[0] = None, text
+        is_done = await context.run(live.set, name, _executed(signal, value))
+        entry[0] = None
+        if is_done:
             applied[0] = value
-            field.run_method("blur")  # keys move controls again
             field.props("bg-color=positive")
             ui.timer(0.6, lambda: field.props(remove="bg-color"), once=True)
-        else:
-            field.set_value(applied[0])  # the message of the refusal is shown by `run`
+        if slider is not None:
+            slider.set_value(min(max(applied[0], slider.props["min"]), slider.props["max"]))
+        return is_done  # the message of the session's refusal is shown by `run`
 
-    field.on("keydown.enter", apply_entry)
-    field.on("keydown.escape", lambda: field.set_value(applied[0]))
-    field.on("blur", lambda: apply_entry() if field.value != applied[0] else None)
+    async def enter(event: GenericEventArguments) -> None:
+        if await apply_entry(event.args):
+            field.run_method("blur")  # keys move controls again
+
+    async def leave(event: GenericEventArguments) -> None:
+        has_focus[0] = False
+        if event.args != entry[0]:
+            with suppress(TwinError):
+                if parse_entry(event.args, signal.display_unit) == applied[0]:
+                    restore()  # in the unit shown
+                    return
+            if not await apply_entry(event.args):
+                ui.timer(REFUSAL_SHOWN, lambda: setattr(field, "error", None), once=True)
+            restore()
+
+    # the text comes with the event: the server's copy of it may be older
+    field.on("keydown.enter", enter, js_handler=SEND_TEXT)
+    field.on("blur", leave, js_handler=SEND_TEXT)
+    field.on("focus", lambda: has_focus.__setitem__(0, True))
+    field.on("keydown.escape", lambda: field.set_value(f"{applied[0]:.9g}"))
+    slider: ui.slider | None = None
     if name == signal.name and low is not None and high is not None and high > low:
-        begin, end = low, high
-        slider = ui.slider(min=begin, max=end, step=(end - begin) / 200, value=min(max(shown, begin), end))
+        slider = ui.slider(min=low, max=high, step=(high - low) / 200, value=min(max(shown, low), high))
         slider.props(f'dense aria-label="{name}, slider"')
-        slider.on("change", lambda: (field.set_value(slider.value), apply_entry())[1])
-        field.on_value_change(
-            lambda: slider.set_value(
-                field.value if refusal(field.value, begin, end) is None else min(max(applied[0], begin), end)
-            )
-        )
+
+        async def slide() -> None:
+            await apply_entry(f"{slider.value:.9g}")
+            restore()
+
+        slider.on("change", slide)
 
 
-def is_number(value: Any) -> bool:
-    """Return whether a value of a field is a finite number."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def refusal(value: Any, low: float | None, high: float | None) -> str | None:
-    """Return why a field refuses a value; None if it is accepted."""
-    if not is_number(value):
-        return "expected a number"
+def parse_entry(text: str, symbol: str, low: float | None = None, high: float | None = None) -> float:
+    """Return a typed number in the unit `symbol`: plain, or with a unit of its own. RefusedError says why it is refused."""
+    plain = text.strip().replace("\N{MINUS SIGN}", "-")
+    if "," in plain:
+        raise RefusedError(f"{plain}: write a decimal point, not a comma.")
+    try:
+        value = number(plain, symbol, "value")
+    except TwinError as error:
+        raise RefusedError(str(error).removeprefix("value: ") if plain else "Expected a number.") from None
     if low is not None and value < low:
-        return f"at least {low:g}"
+        raise RefusedError(f"{plain} is refused: at least {low:g}.")
     if high is not None and value > high:
-        return f"at most {high:g}"
-    return None
+        raise RefusedError(f"{plain} is refused: at most {high:g}.")
+    return value
+
+
+def _executed(signal: CatalogSignal, value: float) -> float | int:
+    """Return a value of the display unit in the variable's own unit."""
+    own = (value - signal.offset) / signal.factor
+    return round(own) if signal.type.lstrip("U").startswith("Int") else own
 
 
 def _start(name: str, signal: CatalogSignal) -> Any:
@@ -207,8 +243,8 @@ def _start(name: str, signal: CatalogSignal) -> Any:
 
 
 def _shown(signal: CatalogSignal, value: Any) -> float:
-    number = float(value) if isinstance(value, int | float) else 0.0
-    return float(f"{signal.factor * number + signal.offset:.9g}")
+    own = float(value) if isinstance(value, int | float) else 0.0
+    return float(f"{signal.factor * own + signal.offset:.9g}")
 
 
 def overrides(context: PageContext, live: LiveSession) -> None:
@@ -225,14 +261,24 @@ def overrides(context: PageContext, live: LiveSession) -> None:
     )
     with ui.row().classes("items-center full-width no-wrap"):
         text = (
-            ui.input(placeholder="value, e.g. 0.6 N")
+            ui.input(placeholder="value")
             .props("dense outlined maxlength=60 aria-label='value of the override'")
             .classes("col")
+        )
+        signal.on_value_change(
+            lambda: text.props(f'suffix="{catalog.signals[signal.value].display_unit if signal.value else ""}"')
         )
 
         async def override() -> None:
             if isinstance(signal.value, str) and isinstance(text.value, str) and text.value.strip():
-                await context.run(live.override, signal.value, read(text.value))
+                chosen, value = catalog.signals[signal.value], read(text.value)
+                try:
+                    if not (chosen.type == "Boolean" or chosen.items or isinstance(value, bool)):
+                        value = _executed(chosen, parse_entry(text.value, chosen.display_unit))
+                except TwinError as error:
+                    context.notify(str(error))
+                    return
+                await context.run(live.override, chosen.name, value)
 
         ui.button("override", on_click=override).props("dense no-caps outline")
     column = ui.column().classes("full-width gap-0")
