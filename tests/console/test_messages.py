@@ -147,6 +147,20 @@ def test_a_tick_holds_what_has_changed():
     assert (number(math.inf), number(0.0), plain(np.array(np.nan)), plain(np.array(3))) == (None, 0.0, None, 3)
 
 
+@pytest.mark.parametrize("error", [TwinError("it is gone."), FileNotFoundError("1.rows")])
+def test_a_tick_without_readable_values_is_sent(error):
+    """Between two sessions; without ticks a page says that the server does not answer."""
+    setting = Setting()
+    setting.take({"watch": ["a.x"]})
+
+    def fail(_names):
+        raise error
+
+    setting.live.values["latest"] = fail
+    tick = json.loads(tick_message(setting.console, "operator", 9, setting.messages))
+    assert (tick["phase"], tick["values"]) == ("running", {})
+
+
 def test_values_that_move_pictures_are_in_si(monkeypatch):
     """A member of a foreign FMU declares its length in millimeters."""
     setting = Setting()
