@@ -181,16 +181,25 @@ def test_texts_that_change_move_no_button(page):
     before = page.evaluate(boxes)
     page.evaluate(
         """() => {
-          const long = "the catheter is never ahead of the wire; ".repeat(9);
+          const long = "the catheter is never ahead of the wire; ".repeat(4);
           document.querySelector("#twin-message").textContent = long;
           document.querySelector("#twin-how").textContent = "running · 1234.5 s · 0.99 x real time, 0.25 s behind";
-          document.querySelector(".twin-hands p[role=status]").textContent = "Stopped by the dead-man switch: this page answered too late. Release and hold again.";
+          document.querySelector(".twin-hands p[role=status]").textContent = "Stopped by the dead-man switch. Release and hold again.";
           const alert = document.querySelector(".twin-alert .twin-warning");
           alert.textContent = long;
           alert.classList.remove("hidden");
         }"""
     )
     after = page.evaluate(boxes)
+    clipped = page.evaluate(
+        """() => {
+          const alert = document.querySelector(".twin-alert .twin-warning"), room = alert.parentElement;
+          alert.textContent = "a warning that fills some of the line; ".repeat(12);
+          const [own, around] = [alert, room].map((one) => one.getBoundingClientRect());
+          return [alert.scrollHeight - alert.clientHeight, own.top < around.top, own.bottom > around.bottom];
+        }"""
+    )
+    assert clipped == [0, False, False]  # an alarm is shown in full
     page.reload()
     said(page, "paused")
     assert after == before

@@ -136,11 +136,6 @@ def test_a_number_that_is_refused_is_not_executed(setting, text, why):
     assert (field.value, one.calls) == ("6", [])
 
 
-def test_numbers_have_one_parser():
-    accepted = {"-0.5": -0.5, "51.5": 51.5, "1e-3": 1e-3, "\N{MINUS SIGN}2 cm": -20.0, " .5 mm": 0.5}
-    assert {text: operator_panel.parse_entry(text, "mm") for text in accepted} == pytest.approx(accepted)
-
-
 def test_a_number_that_the_session_refuses_goes_back(setting):
     one = setting()
 

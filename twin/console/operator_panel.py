@@ -109,6 +109,7 @@ def values(context: PageContext, live: LiveSession, settable: dict[str, CatalogS
     nominal = ui.button("nominal values", on_click=set_nominal).props("dense no-caps outline")
     nominal.visible = bool(live.changed_values)
     search.on_value_change(rows.refresh)
+    search.on("keydown.escape", lambda: search.set_value(""))
     rows()
     ui.timer(0.3, lambda: nominal.set_visibility(bool(live.changed_values)))
 
@@ -118,7 +119,11 @@ def row(
 ) -> None:
     """Create one value: a switch, or a field with its unit, and a slider between `ends` or the declared bounds [SI]."""
     now = live.state.values.get(name, _start(name, signal))
-    with ui.element("div").classes("twin-value full-width").tooltip(signal.description):
+    with ui.element("div").classes("twin-value full-width"):
+        if signal.description:
+            ui.tooltip(signal.description).props(
+                "anchor='center left' self='center right' max-width=260px"
+            )  # covers no row
         # a long name breaks behind a dot or an underscore
         ui.html(re.sub(r"([._])", r"\1<wbr>", escape(name)), sanitize=False).classes("twin-name")
         if signal.type == "Boolean":
@@ -152,7 +157,8 @@ def number_field(
     """
     edges = (signal.minimum, signal.maximum) if ends is None else ends
     low, high = (None if edge is None else _shown(signal, edge) for edge in edges)
-    applied, entry, has_focus = [shown], list[str | None]([None]), [False]  # value in force; text that is being executed
+    applied, has_focus = [shown], [False]
+    entry: list[str | None] = [None]  # text that is being executed
     field = ui.input(value=f"{shown:.9g}").without_auto_validation()
     field.props(
         f'dense outlined inputmode=decimal autocomplete=off suffix="{signal.display_unit}" '
@@ -324,9 +330,9 @@ def done(context: PageContext, live: LiveSession) -> None:
         name = context.console.catalog.scenario if context.console.catalog else "session"
         ui.download.content(text, f"{name}_operated.yaml")
 
-    ui.button("download as scenario", icon="download", on_click=download).props("flat dense no-caps").tooltip(
-        "twin run with this file repeats the session to the bit"
-    )
+    ui.button("download as scenario", icon="download", on_click=download).props("flat dense no-caps").classes(
+        "twin-download"
+    ).tooltip("twin run with this file repeats the session to the bit")
     column = ui.column().classes("twin-done full-width gap-0")
     catalog = context.console.catalog
     controls = {control.input: control for control in catalog.controls} if catalog is not None else {}
