@@ -170,6 +170,21 @@ def test_values_that_move_pictures_are_in_si(monkeypatch):
     assert tick["values"] == {"a.x": pytest.approx(0.002)}
 
 
+def test_an_arc_for_recordings_is_no_second_catheter():
+    """A recording has no shapes; in a session the arc lay beside the shape, as another instrument."""
+    from twin.console.space import space_view
+
+    def labels(*lines):
+        space = {"lines": [{"label": str(k), **line} for k, line in enumerate(lines)]}
+        signals = {name: SimpleNamespace(unit="m") for name in ("t.shape", "t.position", "u.position")}
+        catalog = SimpleNamespace(spaces=({"space": space, "curvature": [], "diameter": []},), signals=signals)
+        return [line.label for line in space_view(catalog, 0).space.lines]
+
+    shape, arc = {"signal": "t.shape"}, {"root": [0.0, 0.0, 0.0], "tip": ["t.position"]}
+    assert labels(shape, arc, arc | {"tip": ["u.position"]}) == ["0", "2"]
+    assert labels(arc, arc) == ["0", "1"]
+
+
 def test_what_moves_in_space_is_sent_when_it_has_changed():
     setting = Setting()
 

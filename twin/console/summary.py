@@ -210,6 +210,7 @@ def banner(context: PageContext) -> None:
             return
         kind = state.phase if state.phase in OVER else "reached" if reached else "targets" if complete else ""
         over.visible = bool(kind)
+        over.props(f"data-kind={kind}")
         if kind == shown[0]:
             return
         shown[0] = kind

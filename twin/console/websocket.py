@@ -261,9 +261,11 @@ def register(app: FastAPI, console: Host, is_page: Callable[[str], bool]) -> Non
         console.operator_lock.leave(client)
 
     async def send_ticks(socket: WebSocket, messages: PageMessages) -> None:
+        from starlette.websockets import WebSocketDisconnect
+
         client, tick = socket.query_params["client"], 0
         try:
-            with suppress(RuntimeError, OSError):  # the socket is closed
+            with suppress(RuntimeError, OSError, WebSocketDisconnect):  # the socket is closed
                 while True:
                     if not is_page(client) and client in console.operator_lock.pages:
                         leave(client)  # dropped by the server: its buttons are dead, only STOP still arrives
@@ -273,7 +275,7 @@ def register(app: FastAPI, console: Host, is_page: Callable[[str], bool]) -> Non
                     await socket.send_text(text)
                     await asyncio.sleep(PERIOD)
         finally:  # a page with an open socket and without ticks would stay gray; without a socket it connects again
-            with suppress(RuntimeError, OSError):
+            with suppress(RuntimeError, OSError, WebSocketDisconnect):
                 await socket.close()
 
     async def receive_messages(socket: WebSocket, messages: PageMessages) -> None:
