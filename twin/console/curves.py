@@ -33,7 +33,7 @@ class SessionCurves:
         self.title = f"{self._catalog.variant}, {time.strftime('%H:%M')}"
         if previous_run is not None and not previous_run.has_moved:  # nothing to compare with
             previous_run = previous_run.previous_run
-        self.previous_run = previous_run
+        self.previous_run: SessionCurves | None = previous_run
         if self.previous_run is not None:
             self.previous_run.previous_run = None
         self.signals = {
