@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -157,7 +158,7 @@ def number_field(
     """
     edges = (signal.minimum, signal.maximum) if ends is None else ends
     low, high = (None if edge is None else _shown(signal, edge) for edge in edges)
-    applied, has_focus = [shown], [False]
+    applied = [shown]
     entry: list[str | None] = [None]  # text that is being executed
     field = ui.input(value=f"{shown:.9g}").without_auto_validation()
     field.props(
@@ -166,8 +167,7 @@ def number_field(
     )
 
     def restore() -> None:
-        if not has_focus[0]:
-            field.set_value(f"{applied[0]:.9g}")
+        write_text(field, f"{applied[0]:.9g}")
 
     async def apply_entry(text: str) -> bool:
         """Execute a text; return False if it is refused."""
@@ -192,7 +192,6 @@ def number_field(
             field.run_method("blur")  # keys move controls again
 
     async def leave(event: GenericEventArguments) -> None:
-        has_focus[0] = False
         if event.args != entry[0]:
             with suppress(TwinError):
                 if parse_entry(event.args, signal.display_unit) == applied[0]:
@@ -205,8 +204,7 @@ def number_field(
     # the text comes with the event: the server's copy of it may be older
     field.on("keydown.enter", enter, js_handler=SEND_TEXT)
     field.on("blur", leave, js_handler=SEND_TEXT)
-    field.on("focus", lambda: has_focus.__setitem__(0, True))
-    field.on("keydown.escape", lambda: field.set_value(f"{applied[0]:.9g}"))
+    field.on("keydown.escape", lambda: write_text(field, f"{applied[0]:.9g}", has_focus=True))
     slider: ui.slider | None = None
     if name == signal.name and low is not None and high is not None and high > low:
         slider = ui.slider(min=low, max=high, step=(high - low) / 200, value=min(max(shown, low), high))
@@ -217,6 +215,14 @@ def number_field(
             restore()
 
         slider.on("change", slide)
+
+
+def write_text(field: ui.input, text: str, *, has_focus: bool = False) -> None:
+    """Write into a field unless it has the focus, which only the browser knows; with `has_focus` in any case."""
+    condition = "true" if has_focus else "!element.$el.contains(document.activeElement)"
+    field.client.run_javascript(
+        f"const element = getElement({field.id}); if (element && {condition}) element.inputValue = {json.dumps(text)};"
+    )
 
 
 def parse_entry(text: str, symbol: str, low: float | None = None, high: float | None = None) -> float:
