@@ -27,6 +27,7 @@ def told(*arguments):
         (["nowhere.yaml"], "does not exist"),
         (["racs", "--rate", "11"], "0.1<=x<=10"),
         (["racs", "--port", "80"], "1024<=x<=65535"),
+        (["heart_wall_force", "--variant", "nope", "--no-open"], "there is no variant `nope`. Known: "),
     ],
 )
 def test_what_is_refused(arguments, problem):

@@ -1,5 +1,6 @@
 """Curves, panes and controls of a page."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -64,6 +65,21 @@ def test_curves_of_a_session():
     assert SessionCurves(setting.live, late).previous_run is None  # it never had a row
 
 
+def test_a_run_that_stays_at_its_start_is_no_run_to_compare_with():
+    """The run before it is; its name says variant and time of day."""
+    setting, runs = Setting(), []
+    for length in (5, 1, 5):
+        time = 1.0 + 0.5 * np.arange(length)
+        setting.live.values["state"].epoch += 1
+        setting.live.values["reader"] = lambda time=time: reader(time, {"a.x": np.arange(float(len(time)))})
+        runs.append(SessionCurves(setting.live, runs[-1] if runs else None))
+        runs[-1].span()
+    full, _, third = runs
+    assert third.previous_run is full
+    assert third.read(f"{PREVIOUS}a.x", 0.0, 9.0, 100)[1].size == 5
+    assert re.fullmatch(r"quiet, \d\d:\d\d", full.title)
+
+
 def test_the_first_panes_of_a_chart():
     """Those of the scenario's plots, with bands in display units; else the first two outputs."""
     curves = SessionCurves(Setting().live)
@@ -85,8 +101,8 @@ def test_the_first_panes_of_a_chart():
     ]
     assert [[(curve.name, curve.color, curve.step) for curve in pane.curves] for pane in panes] == [
         [("a.x", 0, False), ("b.n", 1, True)],
-        [("b.n", 2, True)],
-        [("a.x", 3, False)],
+        [("b.n", 1, True)],
+        [("a.x", 0, False)],  # the same signal, the same color
     ]
     many = SimpleNamespace(plots=(("One", "m", ("a.x",) * 7), ("Two", "m", ("b.n",) * 3)), bands={})
     assert [len(pane.curves) for pane in charts.first_panes(many, curves)] == [7, 1]

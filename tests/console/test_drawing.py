@@ -7,7 +7,7 @@ from pathlib import Path
 from tests.every_case import every_case
 from twin.component import catalog
 from twin.console.animation import to_si
-from twin.console.operator_panel import condense, read, refusal
+from twin.console.operator_panel import condense, read
 from twin.live import Catalog, CatalogControl, CatalogSignal, ExecutedCommand
 from twin.web.views import BENCH, DRAWINGS, RIG, SCENE, build_views
 
@@ -98,13 +98,6 @@ def test_of_what_is_held_begin_and_end_are_listed():
 
 def test_values_as_they_are_typed():
     assert [read(one) for one in (" 1.5 ", "true", "12 mm/s")] == [1.5, True, "12 mm/s"]
-    assert [refusal(one, 1.0, 3.0) for one in (2.0, 0.5, 4, None)] == [
-        None,
-        "at least 1",
-        "at most 3",
-        "expected a number",
-    ]
-    assert refusal(-1e9, None, None) is None
 
 
 def test_every_view_has_its_file():

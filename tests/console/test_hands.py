@@ -233,6 +233,9 @@ def test_a_page_without_its_server_says_what_stop_does_not_reach(tmp_path, build
         assert page.is_enabled("#twin-stop")
         served.process.send_signal(signal.SIGCONT)
         warning.wait_for(state="hidden")
+        page.evaluate("""async () => { (await import("/console/channel.js")).channel.socket.onmessage = null; }""")
+        warning.wait_for()  # the server is well, but no tick arrives on this socket
+        warning.wait_for(state="hidden")
         served.process.kill()
         page.wait_for_selector("text=Connection lost: STOP does not reach the drives. Use the hardware emergency stop.")
         assert page.is_disabled("#twin-stop")

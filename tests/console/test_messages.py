@@ -147,6 +147,20 @@ def test_a_tick_holds_what_has_changed():
     assert (number(math.inf), number(0.0), plain(np.array(np.nan)), plain(np.array(3))) == (None, 0.0, None, 3)
 
 
+@pytest.mark.parametrize("error", [TwinError("it is gone."), FileNotFoundError("1.rows")])
+def test_a_tick_without_readable_values_is_sent(error):
+    """Between two sessions; without ticks a page says that the server does not answer."""
+    setting = Setting()
+    setting.take({"watch": ["a.x"]})
+
+    def fail(_names):
+        raise error
+
+    setting.live.values["latest"] = fail
+    tick = json.loads(tick_message(setting.console, "operator", 9, setting.messages))
+    assert (tick["phase"], tick["values"]) == ("running", {})
+
+
 def test_values_that_move_pictures_are_in_si(monkeypatch):
     """A member of a foreign FMU declares its length in millimeters."""
     setting = Setting()
@@ -154,6 +168,21 @@ def test_values_that_move_pictures_are_in_si(monkeypatch):
     setting.take({"watch": ["a.x"]})
     tick = json.loads(tick_message(setting.console, "operator", 9, setting.messages))
     assert tick["values"] == {"a.x": pytest.approx(0.002)}
+
+
+def test_an_arc_for_recordings_is_no_second_catheter():
+    """A recording has no shapes; in a session the arc lay beside the shape, as another instrument."""
+    from twin.console.space import space_view
+
+    def labels(*lines):
+        space = {"lines": [{"label": str(k), **line} for k, line in enumerate(lines)]}
+        signals = {name: SimpleNamespace(unit="m") for name in ("t.shape", "t.position", "u.position")}
+        catalog = SimpleNamespace(spaces=({"space": space, "curvature": [], "diameter": []},), signals=signals)
+        return [line.label for line in space_view(catalog, 0).space.lines]
+
+    shape, arc = {"signal": "t.shape"}, {"root": [0.0, 0.0, 0.0], "tip": ["t.position"]}
+    assert labels(shape, arc, arc | {"tip": ["u.position"]}) == ["0", "2"]
+    assert labels(arc, arc) == ["0", "1"]
 
 
 def test_what_moves_in_space_is_sent_when_it_has_changed():

@@ -1,6 +1,6 @@
 """Texts and numbers of the operator's panel: what a field shows, accepts and sends, and which commands are listed."""
 
-import math
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -10,30 +10,37 @@ from tests.every_case import every_case
 
 pytest.importorskip("nicegui")
 
-from twin.console.operator_panel import HELD, RELEASED, _shown, _start, condense, is_number, read, refusal
-from twin.live import EXPIRED, ExecutedCommand
+from twin.console.operator_panel import HELD, RELEASED, _shown, _start, condense, parse_entry, read
+from twin.live import EXPIRED, ExecutedCommand, RefusedError
 
 SIGNAL = SimpleNamespace(name="a.m", start=[[1.0, 2.0], [3.0, 4.0]], factor=1e3, offset=-2.0)
 
 
 @every_case(
-    ("value", "low", "high", "text"),
+    ("text", "low", "high", "value"),
     [
-        (1.0, None, None, None),
-        (1, 1.0, 1.0, None),
-        (0.99, 1.0, None, "at least 1"),
-        (1.01, None, 1.0, "at most 1"),
-        (None, None, None, "expected a number"),
-        (True, None, None, "expected a number"),
-        (math.inf, None, None, "expected a number"),
-        ("1", None, None, "expected a number"),
-        (0.0, 0.0, None, None),
-        (-1, None, 0.0, None),
+        ("1.0", None, None, 1.0),
+        ("1", 1.0, 1.0, 1.0),
+        ("0.99", 1.0, None, "0.99 is refused: at least 1."),
+        ("1.01", None, 1.0, "1.01 is refused: at most 1."),
+        ("", None, None, "Expected a number."),
+        ("-", None, None, "`-` is not a quantity. Write a number and a unit: 0.2 mm."),
+        ("1e999", None, None, "`1e999` is not a finite number."),
+        ("0.0", 0.0, None, 0.0),
+        ("-0.5", None, 0.0, -0.5),
+        ("51.", None, None, 51.0),
+        (" 1e-3 ", None, None, 1e-3),
+        ("\N{MINUS SIGN}2 cm", None, None, -20.0),
+        ("42,5", None, None, "42,5: write a decimal point, not a comma."),
+        ("5 N", None, None, "`5 N` does not convert to mm. Give it as mm."),
     ],
 )
-def test_what_a_field_refuses(value, low, high, text):
-    assert refusal(value, low, high) == text
-    assert is_number(value) == (text != "expected a number")
+def test_what_a_field_takes_and_refuses(text, low, high, value):
+    if isinstance(value, str):
+        with pytest.raises(RefusedError, match=re.escape(value)):
+            parse_entry(text, "mm", low, high)
+    else:
+        assert parse_entry(text, "mm", low, high) == pytest.approx(value)
 
 
 def test_what_a_field_shows():

@@ -181,16 +181,25 @@ def test_texts_that_change_move_no_button(page):
     before = page.evaluate(boxes)
     page.evaluate(
         """() => {
-          const long = "the catheter is never ahead of the wire; ".repeat(9);
+          const long = "the catheter is never ahead of the wire; ".repeat(4);
           document.querySelector("#twin-message").textContent = long;
           document.querySelector("#twin-how").textContent = "running · 1234.5 s · 0.99 x real time, 0.25 s behind";
-          document.querySelector(".twin-hands p[role=status]").textContent = "Stopped by the dead-man switch: this page answered too late. Release and hold again.";
+          document.querySelector(".twin-hands p[role=status]").textContent = "Stopped by the dead-man switch. Release and hold again.";
           const alert = document.querySelector(".twin-alert .twin-warning");
           alert.textContent = long;
           alert.classList.remove("hidden");
         }"""
     )
     after = page.evaluate(boxes)
+    clipped = page.evaluate(
+        """() => {
+          const alert = document.querySelector(".twin-alert .twin-warning"), room = alert.parentElement;
+          alert.textContent = "a warning that fills some of the line; ".repeat(12);
+          const [own, around] = [alert, room].map((one) => one.getBoundingClientRect());
+          return [alert.scrollHeight - alert.clientHeight, own.top < around.top, own.bottom > around.bottom];
+        }"""
+    )
+    assert clipped == [0, False, False]  # an alarm is shown in full
     page.reload()
     said(page, "paused")
     assert after == before
@@ -209,16 +218,35 @@ def test_a_telephone_shows_picture_joysticks_curves_and_then_values(page):
     assert page.locator(".twin-controls").bounding_box()["x"] == page.locator(".twin-panels").bounding_box()["x"] > 700
 
 
-def test_a_value_is_set_in_the_unit_that_is_shown(page):
+def test_a_number_is_executed_as_it_is_typed(page):
+    """While the session runs, at the speeds of a person, whom updates of the server meet between two keys."""
     page.get_by_text("Inputs and parameters").click()
     page.get_by_placeholder(re.compile("search .* inputs")).fill("servomotor.mass")
-    field = page.locator(".twin-value", has_text="servomotor.mass").locator("input[type=number]")
-    field.fill("0.8")
-    field.press("Enter")
-    page.wait_for_selector(".twin-done >> text=servomotor.mass")
-    field.fill("-1")
-    field.press("Enter")
-    page.wait_for_selector(".twin-value >> text=at least")  # the field refused: the mass has a minimum
+    field = page.locator(".twin-value", has_text="servomotor.mass").locator("input[inputmode=decimal]")
+    press(page, "run")
+    said(page, "running")
+
+    def enter(text, delay):
+        field.click()
+        page.keyboard.press("Control+A")
+        page.keyboard.type(text, delay=delay)
+        assert field.input_value() == text
+        page.keyboard.press("Enter")
+
+    for delay, text in itertools.product((60, 130, 200), ("51.5", "0.305", "1e-3", "0.8")):
+        enter(text, delay)
+        page.wait_for_function(
+            "value => parseFloat(document.querySelector('.twin-done .twin-line').textContent.split('= ')[1]) === value",
+            arg=float(text),
+        )
+        page.wait_for_function("!document.activeElement.matches('input')")  # keys move controls again
+    for text, reason in (("-1.25", "-1.25 is refused: at least"), ("42,5", "42,5: write a decimal point")):
+        enter(text, 60)
+        page.wait_for_selector(f".twin-value >> text={reason}")
+    page.keyboard.press("Tab")
+    page.wait_for_function("element => element.value === '0.8'", arg=field.element_handle())
+    press(page, "pause")
+    said(page, "paused")
 
 
 def test_an_event_of_another_variant_and_a_session_as_scenario(page, tmp_path):
@@ -241,8 +269,9 @@ def test_another_page_watches(page, served, browser):  # noqa: F811
     other.goto(served.address, wait_until="commit")
     other.wait_for_selector(".twin-chart canvas", timeout=60_000)
     other.wait_for_selector("text=you watch")
-    press(other, "run")
     other.wait_for_selector("text=This page only watches")
+    gray = "[...document.querySelectorAll('[aria-label=run], .twin-rate')].every((one) => getComputedStyle(one).pointerEvents === 'none')"
+    assert other.evaluate(gray)  # what has no effect looks so
     assert page.text_content("#twin-how").startswith("paused")
     assert other.locator(".twin-control .way").first.is_disabled()
     context.close()

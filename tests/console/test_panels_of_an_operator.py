@@ -50,6 +50,7 @@ class Setting:
         self.live = Recorder("live", self.calls, values)
         self.console = Host(live=self.live)
         self.page = Page(monkeypatch)
+        monkeypatch.setattr(operator_panel, "write_text", lambda field, text, **_: field.set_value(text))
         self.context = PageContext(self.console, self.page.client)
         self.console.operator_lock.enter(self.page.client.id)
 
@@ -65,44 +66,72 @@ def test_a_number_is_entered_in_its_display_unit(setting):
     stiffness = signal("a.k", start=0.004, factor=1e3, offset=2.0, low=0.0, high=0.01)
     with one.page:
         operator_panel.row(one.context, one.live, "a.k", stiffness)
-    (field,), (slider,) = one.page.elements(ui.number), one.page.elements(ui.slider)
-    assert (field.value, field.props["suffix"]) == (6.0, "mm")
+    (field,), (slider,) = one.page.elements(ui.input), one.page.elements(ui.slider)
+    assert (field.value, field.props["suffix"], field.props["inputmode"]) == ("6", "mm", "decimal")
     assert (slider.value, slider.props["min"], slider.props["max"], slider.props["step"]) == (6.0, 2.0, 12.0, 0.05)
-    one.page.send(field, "blur")
+    one.page.send(field, "blur", "6.0")
     assert one.calls == []  # as it was
-    one.page.change(field, 7.0)
-    assert slider.value == 7.0
-    one.page.send(field, "blur")
+    one.page.send(field, "blur", "7")
     assert one.calls == [("live", "set", "a.k", pytest.approx(0.005))]
-    assert field.props["bg-color"] == "positive"
+    assert (slider.value, field.props["bg-color"]) == (7.0, "positive")
     ((period, restore, once),) = one.page.timers
     assert (period, once) == (0.6, True)
     restore()
     assert "bg-color" not in field.props
-    one.page.change(field, 6.0)
-    one.page.send(field, "blur")
+    one.page.send(field, "keydown.enter", " 0.6 cm ")
+    one.page.send(field, "blur", " 0.6 cm ")  # Enter takes the focus away
     assert one.calls[1:] == [("live", "set", "a.k", pytest.approx(0.004))]  # also back to where it began
+    assert field.value == "6"
     one.page.change(slider, 2.0)
     one.page.send(slider, "change")
     assert one.calls[2:] == [("live", "set", "a.k", 0.0)]
-    assert field.value == 2.0
+    assert field.value == "2"
 
 
-@pytest.mark.parametrize(("value", "why"), [(1.9, "at least 2"), (12.1, "at most 12"), (None, "expected a number")])
-def test_a_number_that_is_refused_stays_as_it_was_entered(setting, value, why):
-    """Whether Enter is pressed or the field is left: it is not moved to its bound."""
+def test_nothing_is_written_into_a_field_with_the_focus(setting):
+    """What the server sends between two keys would replace what is typed: -0.5 was executed as 0.5."""
+    one = setting()
+    with one.page:
+        operator_panel.row(one.context, one.live, "a.k", signal("a.k", start=3.0))
+    (field,) = one.page.elements(ui.input)
+    sent = []
+    field.update = lambda: sent.append(field.value)
+    for partial in ("-", "-0", "-0.", "-0.5"):
+        one.page.send(field, "update:value", partial)
+    assert sent == []
+    one.page.send(field, "keydown.enter", "-0.5")
+    assert (one.calls, field.value) == ([("live", "set", "a.k", -0.5)], "-0.5")
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("1.9", "1.9 is refused: at least 2."),
+        ("12.1", "12.1 is refused: at most 12."),
+        ("", "Expected a number."),
+        ("4,5", "4,5: write a decimal point, not a comma."),
+        ("ten", "`ten` is not a quantity. Write a number and a unit: 0.2 mm."),
+        ("5 N", "`5 N` does not convert to mm. Give it as mm."),
+    ],
+)
+def test_a_number_that_is_refused_is_not_executed(setting, text, why):
+    """Enter leaves it to be corrected; when the field is left, it has the value in force again, with the reason for a while."""
     one = setting()
     stiffness = signal("a.k", start=0.004, factor=1e3, offset=2.0, low=0.0, high=0.01)
     with one.page:
         operator_panel.row(one.context, one.live, "a.k", stiffness)
-    (field,), (slider,) = one.page.elements(ui.number), one.page.elements(ui.slider)
-    one.page.change(field, value)
-    for event in ("keydown.enter", "blur"):
-        one.page.send(field, event)
-    assert (field.value, field.error, one.calls) == (value, f"{why}; still 6", [])
+    (field,), (slider,) = one.page.elements(ui.input), one.page.elements(ui.slider)
+    field.value = text
+    one.page.send(field, "keydown.enter", text)
+    assert (field.value, field.error, one.calls) == (text, f"{why} Still 6 mm.", [])
+    one.page.send(field, "blur", text)
+    assert (field.value, field.error, one.calls) == ("6", f"{why} Still 6 mm.", [])
     assert slider.value == 6.0  # what is in force
+    one.page.tick()
+    assert field.error is None
+    field.value = text
     one.page.send(field, "keydown.escape")
-    assert (field.value, one.calls) == (6.0, [])
+    assert (field.value, one.calls) == ("6", [])
 
 
 def test_a_number_that_the_session_refuses_goes_back(setting):
@@ -114,10 +143,10 @@ def test_a_number_that_the_session_refuses_goes_back(setting):
     one.live.values["set"] = refuse
     with one.page:
         operator_panel.row(one.context, one.live, "a.k", signal("a.k", low=0.0, high=4.0))
-    (field,), (slider,) = one.page.elements(ui.number), one.page.elements(ui.slider)
-    one.page.change(field, 3.0)
-    one.page.send(field, "keydown.enter")
-    assert (field.value, slider.value, one.page.notes) == (1.0, 1.0, ["the log of this session is full."])
+    (field,), (slider,) = one.page.elements(ui.input), one.page.elements(ui.slider)
+    field.value = "3"
+    one.page.send(field, "blur", "3")
+    assert (field.value, slider.value, one.page.notes) == ("1", 1.0, ["the log of this session is full."])
 
 
 def test_nothing_can_be_changed_after_the_end(setting):
@@ -162,10 +191,9 @@ def test_whole_numbers_are_rounded(setting, kind, value):
     one.state.values["a.n"] = 5
     with one.page:
         operator_panel.row(one.context, one.live, "a.n", signal("a.n", kind, 0))
-    (field,) = one.page.elements(ui.number)
-    assert field.value == 5.0  # as it is now, not its start
-    one.page.change(field, 2.7)
-    one.page.send(field, "keydown.enter")
+    (field,) = one.page.elements(ui.input)
+    assert field.value == "5"  # as it is now, not its start
+    one.page.send(field, "keydown.enter", "2.7")
     ((*_, found),) = one.calls
     assert (found, type(found)) == (value, type(value))
 
@@ -186,7 +214,7 @@ def test_a_switch_and_a_choice(setting):
         ("live", "set", "a.mode", 0),
         ("live", "set", "a.on", True),
     ]
-    assert one.page.elements(ui.number) == []
+    assert one.page.elements(ui.input) == []
 
 
 def test_only_the_operator_sets_values_and_a_refusal_is_shown(setting):
@@ -222,7 +250,7 @@ def test_values_are_listed_and_found(setting):
         operator_panel.values(one.context, one.live, settable)
     assert named_rows(one.page) == ["a.p_03", "a.p_01"]
     assert len(one.page.elements(ui.slider)) == 1
-    (search,) = one.page.elements(ui.input)
+    search = one.page.elements(ui.input)[0]
     assert search.props["placeholder"] == f"search {len(names)} inputs and parameters"
     for text, shown in (
         ("spring P_02", ["a.p_02"]),
@@ -247,7 +275,7 @@ def test_exactly_as_many_as_are_listed_need_no_further_search(setting):
 
 def test_outputs_are_overridden_and_released(setting):
     """Scalars only; a number is sent as such, a text with its unit."""
-    outputs = [signal("a.x", kind="output"), signal("a.v", kind="output", shape=(2,)), signal("a.k")]
+    outputs = [signal("a.x", kind="output", factor=1e3), signal("a.v", kind="output", shape=(2,)), signal("a.k")]
     one = setting(*outputs, signal("a.s", "String", kind="output"))
     with one.page:
         operator_panel.overrides(one.context, one.live)
@@ -263,10 +291,12 @@ def test_outputs_are_overridden_and_released(setting):
     one.page.press("override")
     assert one.calls == []  # no output is chosen
     one.page.change(choice, "a.x")
-    for value in ("0.6 N", "2", "TRUE", " "):
+    assert text.props["suffix"] == "mm"
+    for value in ("0.6 cm", "2", "0,5", "TRUE", " "):
         one.page.change(text, value)
         one.page.press("override")
-    assert one.calls == [("live", "override", "a.x", value) for value in ("0.6 N", 2.0, True)]
+    assert one.calls == [("live", "override", "a.x", value) for value in (pytest.approx(6e-3), 2e-3, True)]
+    assert one.page.notes == ["0,5: write a decimal point, not a comma."]
     one.page.tick()
     assert "release" not in one.page.shown()
     one.state.overridden["a.x"] = 2.0

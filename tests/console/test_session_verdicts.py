@@ -51,8 +51,8 @@ def verdicts(tmp_path):
 @pytest.mark.parametrize(
     ("end", "told"),
     [
-        (0.05, {"always": "pass", "soon": "waiting", "a metric": "waiting", "late": ""}),
-        (0.15, {"always": "pass", "soon": "pass", "a metric": "waiting", "late": ""}),
+        (0.05, {"always": "pass", "soon": "waiting", "a metric": "waiting", "late": "waiting"}),
+        (0.15, {"always": "pass", "soon": "pass", "a metric": "waiting", "late": "waiting"}),
         (0.25, {"always": "pass", "soon": "pass", "a metric": "waiting", "late": ""}),  # it may still come right
         (0.35, {"always": "pass", "soon": "fail", "a metric": "pass", "late": ""}),
         (0.5, {"always": "pass", "soon": "fail", "a metric": "pass", "late": ""}),

@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("nicegui")
 
 from twin.cli import demo
-from twin.console.start_page import TOPICS, group_scenarios, select_groups, shown_duration
+from twin.console.start_page import TOPICS, group_scenarios, no_match, select_groups, shown_duration
 from twin.scenario import scenario_paths
 
 
@@ -51,6 +51,9 @@ def test_a_search_leaves_out_empty_groups(groups):
         ("Operate", ["guided_injection"])
     ]
     assert select_groups(groups, "nothing at all") == []
+    assert no_match("nothing at all") == "No scenario matches."
+    study = next(iter(scenario_paths.scenarios("study")))
+    assert no_match(study.upper()).endswith(f" {study} is a study: run `twin study {study}` in a terminal.")
 
 
 def test_own_scenarios_come_last(tmp_path):

@@ -131,6 +131,10 @@ def test_headlines():
     assert headline([Row("waiting", "a", ""), Row("pass", "b", "")], False) == "So far 1 met, 0 failed, 1 open."
     assert headline([Row("pass", "a", "")], False) == "So far 1 met, 0 failed."
     assert headline([Row("pass", "a", "")], True) == "All 1 requirements met."
+    paper = Row("pass", "c", "3 mN", True)  # a metric with a reference is no requirement, as in report and viewer
+    assert headline([Row("pass", "a", ""), paper], True) == "All 1 requirements met."
+    far = Row("fail", "d", "9 mN", True)
+    assert headline([Row("pass", "a", ""), far], True) == "All 1 requirements met; 1 metrics far from their reference."
 
 
 def test_metrics_of_the_run_before_stand_beside_those_of_this_one():
@@ -139,9 +143,9 @@ def test_metrics_of_the_run_before_stand_beside_those_of_this_one():
     host.latest_metrics = "first", {"error": "3 mN"}
     assert host.metrics_before("first") == {}  # another page of the same run
     assert host.metrics_before("second") == {"error": "3 mN"}
-    assert host.metrics_before("second") == {"error": "3 mN"}
+    assert host.metrics_before("third") == {"error": "3 mN"}  # the second had none yet
     host.leave()
-    assert host.metrics_before("third") == {}
+    assert host.metrics_before("fourth") == {}
 
 
 @pytest.mark.slow

@@ -32,6 +32,9 @@ def test_score_counts_from_the_first_command():
     assert text(full, TARGETS, 1e3, "mm") == "All 2 targets reached in 4.5 s, path length 6000 mm"
     begin = "time starts with your first command"
     assert text(Score({}), TARGETS, 1e3, "mm") == f"0 of 2 targets, next: near; {begin}"
+    rule = TARGETS | {"hint": "wire first (W)"}  # said before it can be broken
+    assert text(Score({}), rule, 1e3, "mm") == f"0 of 2 targets, next: near; wire first (W); {begin}"
+    assert "wire first" not in text(full, rule, 1e3, "mm")
     assert (
         text(Score({}), TARGETS, 1e3, "mm", "catheter's tip") == f"Catheter's tip: 0 of 2 targets, next: near; {begin}"
     )
@@ -77,12 +80,17 @@ def test_an_operator_has_to_reach_all_targets_without_a_warning():
 
 def test_units():
     scenario = parse_scenario(
-        f"{HEAD}{{targets: {{signal: heart.position, tolerance: 1 mm, points: {{systole: 8 mm}}}}, "
+        f"{HEAD}{{targets: {{signal: heart.position, tolerance: 1 mm, points: {{systole: 8 mm}}, hint: hold still}}, "
         "warnings: [{signal: wall.force, above: 500 mN, text: high force}]}"
     )
     (catalog,) = resolve_catalogs(scenario).values()
     targets = resolve_targets(scenario.console_targets, catalog)
-    assert targets == {"signal": "heart.position", "tolerance": 1e-3, "points": {"systole": [8e-3]}}
+    assert targets == {
+        "signal": "heart.position",
+        "tolerance": 1e-3,
+        "points": {"systole": [8e-3]},
+        "hint": "hold still",
+    }
     assert resolve_warning(scenario.console_warnings[0], catalog)["above"] == 0.5
     assert {"heart.position", "wall.force"} <= set(scenario.record.needed)
 

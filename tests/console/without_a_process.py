@@ -96,6 +96,7 @@ class Setting:
         )
         catalog = SimpleNamespace(
             signals=SIGNALS,
+            variant="quiet",
             controls=[CONTROL],
             start=1.0,
             every=0.5,

@@ -2,6 +2,7 @@
 
 import os
 import socket
+import threading
 from fractions import Fraction
 from math import inf, nan
 from types import SimpleNamespace
@@ -208,13 +209,27 @@ def reader(tmp_path):
     table[:, 8], table[:, 9] = [0, 1, 0, 7], [5, -6, 7, -8]
     (tmp_path / "1.rows").write_bytes(table.tobytes() + b"part of a row")
     reader = object.__new__(RecordingReader)
-    reader.epoch, reader.width, reader._words = 3, 10, np.zeros((0, 10), np.int64)
+    reader.epoch, reader.width, reader._words, reader._lock = 3, 10, np.zeros((0, 10), np.int64), threading.RLock()
     reader.begin, reader.step, reader.per_second = 1000, 1, 1000
     reader.columns = {"a.x": (1, (), "f"), "a.m": (2, (2, 3), "f"), "a.t": (8, (), "b"), "a.n": (9, (), "i")}
     reader._file = os.open(tmp_path / "1.rows", os.O_RDONLY)
     yield reader
     reader.close()
     reader.close()
+
+
+def test_a_reader_that_another_thread_closes_keeps_its_rows(reader, monkeypatch):
+    """Between the check of the file and its size: a tick of the console failed, and the page stayed gray."""
+    size = os.fstat
+
+    def close_first(file):
+        closing = threading.Thread(target=reader.close)
+        closing.start()
+        closing.join(0.2)
+        return size(file)
+
+    monkeypatch.setattr(os, "fstat", close_first)
+    assert reader.latest(["a.n"]).values["a.n"].tolist() == [-8]
 
 
 def test_rows_of_a_recording(reader):

@@ -24,7 +24,7 @@ STEPPED = ("Boolean", "Int8", "Int16", "Int32", "Int64", "UInt8", "UInt16", "UIn
 
 def first_panes(catalog: Catalog, curves: SessionCurves) -> list[web.Pane]:
     """Return the panes for the scenario's plots as far as they are plain signals, else for its first outputs."""
-    panes, color = list[web.Pane](), 0
+    panes, color, colors = list[web.Pane](), 0, dict[str, int]()
     for title, unit, names in catalog.plots:
         shown = [name for name in names if name in curves.signals][: FIRST_CURVES - color]
         if not shown or len(panes) == FIRST_PANES:
@@ -33,14 +33,14 @@ def first_panes(catalog: Catalog, curves: SessionCurves) -> list[web.Pane]:
             web.Pane(
                 title,
                 _unit(curves, shown[0]) or unit,
-                [_curve(curves, name, color + k) for k, name in enumerate(shown)],
+                [_curve(curves, name, colors.setdefault(name, len(colors))) for name in shown],
             )
         )
         if title in catalog.bands:
             signal = curves.signals[shown[0]]
             low, high = (signal.factor * edge + signal.offset for edge in catalog.bands[title])
             panes[-1].band = (low, high)
-        color += len(shown)
+        color += len(shown)  # a signal has one color in all panes
     if not panes:
         outputs = [name for name, signal in curves.signals.items() if signal.kind == "output"][:2]
         panes = [web.Pane(unit=_unit(curves, name), curves=[_curve(curves, name, k)]) for k, name in enumerate(outputs)]
@@ -74,7 +74,7 @@ class ChartPanel:
             self.follow.tooltip("drag: zoom, shift-drag: move, wheel, click: cursors")
             self.cursor_label = ui.label().classes("twin-soft twin-figures ellipsis")
             if curves.previous_run is not None:
-                ui.label("faint: previous run").classes("twin-soft")
+                ui.label(f"faint: {curves.previous_run.title}").classes("twin-soft")
             ui.space()
             picking = (
                 ui.button(icon="account_tree").props("flat round dense aria-label='signals'").tooltip("pick signals")
@@ -152,10 +152,14 @@ class ChartPanel:
 
 def show_commands(console: Host, chart: web.Chart) -> None:
     """Show executed commands in the chart."""
-    count = [-1]
+    count, has_ended = [-1], [False]
     controls = {control.input: control for control in console.catalog.controls} if console.catalog is not None else {}
 
     def update() -> None:
+        ended = console.live is not None and console.has_ended
+        if ended and not has_ended[0]:
+            chart.show(None, None)  # the whole run
+        has_ended[0] = ended
         done = console.live.done if console.live is not None else ()
         if len(done) != count[0]:
             count[0] = len(done)

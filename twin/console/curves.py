@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Collection, Iterator
 from contextlib import suppress
 from itertools import product
@@ -29,13 +30,21 @@ class SessionCurves:
         assert live.catalog is not None
         self.live, self._catalog, self.epoch = live, live.catalog, live.state.epoch
         self._reader: RecordingReader | None = None
-        self.previous_run = previous_run if previous_run is not None and previous_run._reader is not None else None
+        self.title = f"{self._catalog.variant}, {time.strftime('%H:%M')}"
+        if previous_run is not None and not previous_run.has_moved:  # nothing to compare with
+            previous_run = previous_run.previous_run
+        self.previous_run: SessionCurves | None = previous_run
         if self.previous_run is not None:
             self.previous_run.previous_run = None
         self.signals = {
             name: signal for signal in live.catalog.signals.values() if signal.recorded for name in elements(signal)
         }
         self._clock = next(iter(self.signals), "")
+
+    @property
+    def has_moved(self) -> bool:
+        """Whether the run went on beyond its start, as far as the charts have read it."""
+        return self._reader is not None and self.span()[1] > self._catalog.start
 
     def names(self) -> Collection[str]:
         """Return the recorded scalars, also those of the previous run."""
@@ -57,8 +66,8 @@ class SessionCurves:
         """Return the times from the start to the last row [s]."""
         start = self._catalog.start
         with suppress(RefusedError):  # no row is recorded yet
-            time = self.reader().latest([self._clock]).time
-            return start, float(time[-1]) if time.size else start
+            times = self.reader().latest([self._clock]).time
+            return start, float(times[-1]) if times.size else start
         return start, start
 
     def read(
@@ -71,10 +80,10 @@ class SessionCurves:
             rows = self.reader().read([name], start - self._catalog.every, stop)
         except RefusedError:
             return np.empty(0), np.empty(0)
-        signal, time = self.signals[name], rows.time
-        values = np.asarray(rows.values[name], np.float64).reshape(len(time))
-        first = round((time[0] - self._catalog.start) / self._catalog.every) if len(time) else 0
-        return frames.decimate(time, signal.factor * values + signal.offset, points, first)
+        signal, times = self.signals[name], rows.time
+        values = np.asarray(rows.values[name], np.float64).reshape(len(times))
+        first = round((times[0] - self._catalog.start) / self._catalog.every) if len(times) else 0
+        return frames.decimate(times, signal.factor * values + signal.offset, points, first)
 
 
 def elements(signal: CatalogSignal) -> Iterator[str]:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-import math
+import json
 import re
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from html import escape
 from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
+from nicegui.events import GenericEventArguments
 
 from twin.console.curves import elements
 from twin.errors import TwinError
-from twin.live import EXPIRED, OVER
+from twin.live import EXPIRED, OVER, RefusedError
+from twin.scenario import number
 
 if TYPE_CHECKING:
     from twin.console.page import PageContext
@@ -22,6 +25,8 @@ if TYPE_CHECKING:
 MAX_COMMANDS = 200  # listed commands, the latest
 MAX_MATCHES = 12  # listed search results
 HELD, RELEASED = ": held", ": released"  # after the label of a control, in the text of its command
+REFUSAL_SHOWN = 6.0  # time after which the message below a field that was left disappears [s]
+SEND_TEXT = "(event) => emit(event.target.value)"  # of a text field
 
 
 def panel(context: PageContext, more: Callable[[], None]) -> None:
@@ -105,6 +110,7 @@ def values(context: PageContext, live: LiveSession, settable: dict[str, CatalogS
     nominal = ui.button("nominal values", on_click=set_nominal).props("dense no-caps outline")
     nominal.visible = bool(live.changed_values)
     search.on_value_change(rows.refresh)
+    search.on("keydown.escape", lambda: search.set_value(""))
     rows()
     ui.timer(0.3, lambda: nominal.set_visibility(bool(live.changed_values)))
 
@@ -114,7 +120,11 @@ def row(
 ) -> None:
     """Create one value: a switch, or a field with its unit, and a slider between `ends` or the declared bounds [SI]."""
     now = live.state.values.get(name, _start(name, signal))
-    with ui.element("div").classes("twin-value full-width").tooltip(signal.description):
+    with ui.element("div").classes("twin-value full-width"):
+        if signal.description:
+            ui.tooltip(signal.description).props(
+                "anchor='center left' self='center right' max-width=260px"
+            )  # covers no row
         # a long name breaks behind a dot or an underscore
         ui.html(re.sub(r"([._])", r"\1<wbr>", escape(name)), sanitize=False).classes("twin-name")
         if signal.type == "Boolean":
@@ -141,62 +151,100 @@ def number_field(
     shown: float,
     ends: tuple[float, float] | None,
 ) -> None:
-    """Create a field that refuses values outside of its slider or the declared bounds; the slider follows the field."""
+    """Create a text field for a number, which refuses values outside of its slider or the declared bounds, and its slider.
+
+    The text is parsed when Enter is pressed or the field is left. Nothing is written into a field that has the focus: an
+    update that the server sends between two keys would replace what is typed, and another number would be executed.
+    """
     edges = (signal.minimum, signal.maximum) if ends is None else ends
     low, high = (None if edge is None else _shown(signal, edge) for edge in edges)
     applied = [shown]
-
-    def refused(value: Any) -> str | None:
-        reason = refusal(value, low, high)
-        return reason and f"{reason}; still {applied[0]:g}"
-
-    # without min and max, to which NiceGUI would silently move the value when the field is left
-    field = ui.number(value=shown, validation=refused).props(
-        f'dense outlined suffix="{signal.display_unit}" step=any no-error-icon hide-bottom-space aria-label="{name}"'
+    entry: list[str | None] = [None]  # text that is being executed
+    field = ui.input(value=f"{shown:.9g}").without_auto_validation()
+    field.props(
+        f'dense outlined inputmode=decimal autocomplete=off suffix="{signal.display_unit}" '
+        f'no-error-icon hide-bottom-space aria-label="{name}"'
     )
 
-    async def apply_entry() -> None:
-        value = field.value
-        if not field.validate():
-            return
-        wanted = (value - signal.offset) / signal.factor
-        if await context.run(live.set, name, round(wanted) if signal.type.lstrip("U").startswith("Int") else wanted):
+    def restore() -> None:
+        write_text(field, f"{applied[0]:.9g}")
+
+    async def apply_entry(text: str) -> bool:
+        """Execute a text; return False if it is refused."""
+        try:
+            value = parse_entry(text, signal.display_unit, low, high)
+        except TwinError as error:
+            field.error = f"{error} Still {applied[0]:g} {signal.display_unit}".rstrip() + "."
+            return False
+        field.error, entry[0] = None, text
+        is_done = await context.run(live.set, name, _executed(signal, value))
+        entry[0] = None
+        if is_done:
             applied[0] = value
-            field.run_method("blur")  # keys move controls again
             field.props("bg-color=positive")
             ui.timer(0.6, lambda: field.props(remove="bg-color"), once=True)
-        else:
-            field.set_value(applied[0])  # the message of the refusal is shown by `run`
+        if slider is not None:
+            slider.set_value(min(max(applied[0], slider.props["min"]), slider.props["max"]))
+        return is_done  # the message of the session's refusal is shown by `run`
 
-    field.on("keydown.enter", apply_entry)
-    field.on("keydown.escape", lambda: field.set_value(applied[0]))
-    field.on("blur", lambda: apply_entry() if field.value != applied[0] else None)
+    async def enter(event: GenericEventArguments) -> None:
+        if await apply_entry(event.args):
+            field.run_method("blur")  # keys move controls again
+
+    async def leave(event: GenericEventArguments) -> None:
+        if event.args != entry[0]:
+            with suppress(TwinError):
+                if parse_entry(event.args, signal.display_unit) == applied[0]:
+                    restore()  # in the unit shown
+                    return
+            if not await apply_entry(event.args):
+                ui.timer(REFUSAL_SHOWN, lambda: setattr(field, "error", None), once=True)
+            restore()
+
+    # the text comes with the event: the server's copy of it may be older
+    field.on("keydown.enter", enter, js_handler=SEND_TEXT)
+    field.on("blur", leave, js_handler=SEND_TEXT)
+    field.on("keydown.escape", lambda: write_text(field, f"{applied[0]:.9g}", has_focus=True))
+    slider: ui.slider | None = None
     if name == signal.name and low is not None and high is not None and high > low:
-        begin, end = low, high
-        slider = ui.slider(min=begin, max=end, step=(end - begin) / 200, value=min(max(shown, begin), end))
+        slider = ui.slider(min=low, max=high, step=(high - low) / 200, value=min(max(shown, low), high))
         slider.props(f'dense aria-label="{name}, slider"')
-        slider.on("change", lambda: (field.set_value(slider.value), apply_entry())[1])
-        field.on_value_change(
-            lambda: slider.set_value(
-                field.value if refusal(field.value, begin, end) is None else min(max(applied[0], begin), end)
-            )
-        )
+
+        async def slide() -> None:
+            await apply_entry(f"{slider.value:.9g}")
+            restore()
+
+        slider.on("change", slide)
 
 
-def is_number(value: Any) -> bool:
-    """Return whether a value of a field is a finite number."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+def write_text(field: ui.input, text: str, *, has_focus: bool = False) -> None:
+    """Write into a field unless it has the focus, which only the browser knows; with `has_focus` in any case."""
+    condition = "true" if has_focus else "!element.$el.contains(document.activeElement)"
+    field.client.run_javascript(
+        f"const element = getElement({field.id}); if (element && {condition}) element.inputValue = {json.dumps(text)};"
+    )
 
 
-def refusal(value: Any, low: float | None, high: float | None) -> str | None:
-    """Return why a field refuses a value; None if it is accepted."""
-    if not is_number(value):
-        return "expected a number"
+def parse_entry(text: str, symbol: str, low: float | None = None, high: float | None = None) -> float:
+    """Return a typed number in the unit `symbol`: plain, or with a unit of its own. RefusedError says why it is refused."""
+    plain = text.strip().replace("\N{MINUS SIGN}", "-")
+    if "," in plain:
+        raise RefusedError(f"{plain}: write a decimal point, not a comma.")
+    try:
+        value = number(plain, symbol, "value")
+    except TwinError as error:
+        raise RefusedError(str(error).removeprefix("value: ") if plain else "Expected a number.") from None
     if low is not None and value < low:
-        return f"at least {low:g}"
+        raise RefusedError(f"{plain} is refused: at least {low:g}.")
     if high is not None and value > high:
-        return f"at most {high:g}"
-    return None
+        raise RefusedError(f"{plain} is refused: at most {high:g}.")
+    return value
+
+
+def _executed(signal: CatalogSignal, value: float) -> float | int:
+    """Return a value of the display unit in the variable's own unit."""
+    own = (value - signal.offset) / signal.factor
+    return round(own) if signal.type.lstrip("U").startswith("Int") else own
 
 
 def _start(name: str, signal: CatalogSignal) -> Any:
@@ -207,8 +255,8 @@ def _start(name: str, signal: CatalogSignal) -> Any:
 
 
 def _shown(signal: CatalogSignal, value: Any) -> float:
-    number = float(value) if isinstance(value, int | float) else 0.0
-    return float(f"{signal.factor * number + signal.offset:.9g}")
+    own = float(value) if isinstance(value, int | float) else 0.0
+    return float(f"{signal.factor * own + signal.offset:.9g}")
 
 
 def overrides(context: PageContext, live: LiveSession) -> None:
@@ -225,14 +273,24 @@ def overrides(context: PageContext, live: LiveSession) -> None:
     )
     with ui.row().classes("items-center full-width no-wrap"):
         text = (
-            ui.input(placeholder="value, e.g. 0.6 N")
+            ui.input(placeholder="value")
             .props("dense outlined maxlength=60 aria-label='value of the override'")
             .classes("col")
+        )
+        signal.on_value_change(
+            lambda: text.props(f'suffix="{catalog.signals[signal.value].display_unit if signal.value else ""}"')
         )
 
         async def override() -> None:
             if isinstance(signal.value, str) and isinstance(text.value, str) and text.value.strip():
-                await context.run(live.override, signal.value, read(text.value))
+                chosen, value = catalog.signals[signal.value], read(text.value)
+                try:
+                    if not (chosen.type == "Boolean" or chosen.items or isinstance(value, bool)):
+                        value = _executed(chosen, parse_entry(text.value, chosen.display_unit))
+                except TwinError as error:
+                    context.notify(str(error))
+                    return
+                await context.run(live.override, chosen.name, value)
 
         ui.button("override", on_click=override).props("dense no-caps outline")
     column = ui.column().classes("full-width gap-0")
@@ -278,9 +336,9 @@ def done(context: PageContext, live: LiveSession) -> None:
         name = context.console.catalog.scenario if context.console.catalog else "session"
         ui.download.content(text, f"{name}_operated.yaml")
 
-    ui.button("download as scenario", icon="download", on_click=download).props("flat dense no-caps").tooltip(
-        "twin run with this file repeats the session to the bit"
-    )
+    ui.button("download as scenario", icon="download", on_click=download).props("flat dense no-caps").classes(
+        "twin-download"
+    ).tooltip("twin run with this file repeats the session to the bit")
     column = ui.column().classes("twin-done full-width gap-0")
     catalog = context.console.catalog
     controls = {control.input: control for control in catalog.controls} if catalog is not None else {}

@@ -93,7 +93,7 @@ class Host:
     activities: dict[str, BackgroundActivity] = field(default_factory=dict)  # by title of the panel
     lock: threading.Lock = field(default_factory=threading.Lock)  # of the use of the drives
     latest_metrics: tuple[Any, dict[str, str]] = (None, {})  # of the shown run: its identity, texts by name
-    _metrics_before: dict[str, str] = field(default_factory=dict)
+    _metrics_before: dict[str, str] = field(default_factory=dict)  # of the last run that had some
     _source: SessionCurves | None = None
     _stopping: threading.Thread | None = None
 
@@ -161,6 +161,15 @@ class Host:
         return self.live.catalog if self.live is not None else None
 
     @property
+    def has_ended(self) -> bool:
+        """Whether the session is over, or pauses at the end of a scenario without controls."""
+        if self.live is None or self.live.catalog is None:
+            return False
+        state, catalog = self.live.state, self.live.catalog
+        is_at_end = state.phase == "paused" and state.time >= catalog.stop > 0.0 and not catalog.controls
+        return is_at_end or state.phase in OVER
+
+    @property
     def source(self) -> SessionCurves | None:
         """The source of the charts."""
         if self.live is None or self.live.catalog is None:
@@ -181,7 +190,8 @@ class Host:
     def metrics_before(self, run: Any) -> dict[str, str]:
         """Return the metrics of the run before this one, by name; `run`: identity of this one."""
         if self.latest_metrics[0] != run:
-            self._metrics_before, self.latest_metrics = self.latest_metrics[1], (run, {})
+            self._metrics_before = self.latest_metrics[1] or self._metrics_before
+            self.latest_metrics = (run, {})
         return self._metrics_before
 
     def leave(self) -> None:

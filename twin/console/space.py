@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,12 +15,21 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from twin.live import Catalog
+    from twin.results import Expression
+
+
+def members(formula: Expression) -> set[str]:
+    """Return the names of the members whose signals a formula reads."""
+    return {signal.name.partition(".")[0] for signal in formula.signals}
 
 
 def space_view(catalog: Catalog, number: int) -> SpaceView:
-    """Return a scene in three dimensions of a session."""
+    """Return a scene in three dimensions of a session: an arc in place of a line that a recording lacks is left out."""
     data = catalog.spaces[number]
     space = Space.of(data["space"])
+    shaped = {member for line in space.lines if line.signal for member in members(line.signal)}
+    lines = [line for line in space.lines if not (line.root and shaped.intersection(*map(members, line.tip)))]
+    space = replace(space, lines=tuple(lines))
     units = {name: catalog.signals[name].unit for name in space.names}
     return SpaceView(space, list(zip(*data["curvature"], strict=True)), data["diameter"], units)
 

@@ -42,7 +42,7 @@ def pick(context: PageContext) -> None:
         def cards() -> None:
             selected = select_groups(groups, search.value or "")
             if not selected:
-                ui.label("No scenario matches.").classes("twin-soft").props("role=status")
+                ui.label(no_match(search.value)).classes("twin-soft").props("role=status")
             for heading, entries in selected:
                 ui.label(heading).classes("twin-h")
                 with ui.element("div").classes("twin-cards"):
@@ -56,6 +56,7 @@ def pick(context: PageContext) -> None:
                 await context.run(context.console.begin, scenarios[name], overview.variant)
 
         search.on_value_change(cards.refresh)
+        search.on("keydown.escape", lambda: search.set_value(""))
         search.on("keydown.enter", begin_single_match)
         cards()
 
@@ -87,6 +88,13 @@ def select_groups(groups: list[Group], search: str) -> list[Group]:
         if shown:
             selected.append((heading, shown))
     return selected
+
+
+def no_match(search: str) -> str:
+    """Return what a search without a match may have meant: a study is run in the terminal."""
+    studies = [name for name in scenario_paths.scenarios("study") if search.strip().casefold() in name.casefold()]
+    study = f" {studies[0]} is a study: run `twin study {studies[0]}` in a terminal." if studies else ""
+    return f"No scenario matches.{study}"
 
 
 def shown_duration(overview: scenario_paths.Overview) -> str:

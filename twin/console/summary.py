@@ -114,7 +114,7 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
         failed.text, failed.visible = f"Not met: {'; '.join(names)}", bool(names)
         console.latest_metrics = (
             (id(live), live.state.epoch),
-            {row.name: row.detail.partition(REFERENCE)[0] for row in rows if row.is_metric},
+            {row.name: row.detail.partition(REFERENCE)[0] for row in rows if row.is_metric and row.verdict != WAITING},
         )
         column.clear()
         with column:
@@ -161,7 +161,7 @@ def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> Sessi
     file = Path(live.state.folder) / "summary.json"
     summary = json.loads(file.read_text(encoding="utf-8")) if live.state.folder and file.is_file() else {}
     early = str(summary["reason"]) if summary.get("status") == "interrupted" else ""
-    is_open = bool(early) or any(row.verdict == WAITING for row in rows)
+    is_open = bool(early) or any(row.verdict == WAITING and not row.is_metric for row in rows)
     operation = summary.get("operation", {})
     kind = operation.get("verdict") or session_verdict(
         [row.verdict for row in (*rows, *warnings)], is_complete, not is_open
@@ -182,7 +182,8 @@ def result_card(result: SessionResult) -> None:
         with ui.element("div").classes("twin-result-rows full-width"):
             for row in result.requirements:
                 if row.verdict == "fail":
-                    listed(replace(row, name=f"Not met: {row.name}"), row.detail)
+                    problem = "Far from its reference" if row.is_metric else "Not met"
+                    listed(replace(row, name=f"{problem}: {row.name}"), row.detail)
             for row in result.warnings:
                 listed(
                     replace(row, name=f"{'Warning' if row.verdict == 'fail' else 'No warning'}: {row.name}"), row.detail
@@ -190,9 +191,9 @@ def result_card(result: SessionResult) -> None:
 
 
 def banner(context: PageContext) -> None:
-    """Create the summary that appears at the end of the scenario or session, and when the last target is reached.
+    """Create the summary below the bar, at the end of the scenario or session, and when the last target is reached.
 
-    While the session goes on it covers the lower edge of the page, and moves nothing.
+    It moves what is below it, so that it waits until no control is held.
     """
     live, catalog = context.console.live, context.console.catalog
     assert live is not None
@@ -202,25 +203,25 @@ def banner(context: PageContext) -> None:
 
     async def update() -> None:
         state = live.state
-        reached = state.phase == "paused" and state.time >= catalog.stop > 0.0 and not catalog.controls
+        reached = context.console.has_ended and state.phase not in OVER
         score, goes_on = context.score, state.phase in ("running", "paused")
         complete = goes_on and score is not None and len(score.reached) == len(catalog.targets["points"])
+        if complete and state.held and shown[0] != "targets":
+            return
         kind = state.phase if state.phase in OVER else "reached" if reached else "targets" if complete else ""
         over.visible = bool(kind)
-        over.props(f"data-kind={kind}").classes(
-            add="twin-notice" if goes_on else "", remove="" if goes_on else "twin-notice"
-        )
+        over.props(f"data-kind={kind}")
         if kind == shown[0]:
             return
         shown[0] = kind
         over.clear()
         with over:
             fill(context, kind)
-        if kind in OVER:
+        if kind in OVER or kind == "targets":
             result = await nicegui_run.io_bound(session_result, live, context.verdicts)
-            if result is not None and result.kind:
+            if result is not None and result.kind and shown[0] == kind:
                 with over:
-                    result_card(result)
+                    result_card(result if kind in OVER or result.kind == "failed" else replace(result, kind="passed"))
 
     over.visible = False
     ui.timer(0.2, update)
@@ -235,9 +236,9 @@ def fill(context: PageContext, kind: str) -> None:
         "stopped": "The session is over.",
         "failed": f"Failed: {state.message}",
         "reached": f"The scenario has reached its end, {state.time:g} s. Run continues beyond it.",
-        "targets": targets.session_text(context.score, live.catalog) if context.score and live.catalog else "",
     }
-    ui.label(texts.get(kind, "")).classes("twin-h")
+    if kind in texts:  # the targets are in the card
+        ui.label(texts[kind]).classes("twin-h")
 
     def button(text: str, action: Callable[..., Any], *arguments: Any) -> None:
         async def press_once() -> None:

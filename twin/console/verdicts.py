@@ -111,7 +111,7 @@ class SessionVerdicts:
             if name in reached:
                 rows.append(metric_row(reached[name], name not in unfinished))
             elif begin(metric) > now:
-                rows.append(Row(METRIC, metric_name(metric), f"from {begin(metric):g} s", True))
+                rows.append(Row(WAITING, metric_name(metric), f"from {begin(metric):g} s", True))
         return rows
 
     def _begin(self, expectation: Expectation) -> float:
@@ -165,7 +165,9 @@ def begin(judged: Metric | Expectation) -> float:
 
 
 def headline(rows: list[Row], has_ended: bool) -> str:
-    """Return the result of all requirements in a sentence; empty if there are none."""
+    """Return the result of all requirements in a sentence; empty if there are none. Metrics with a reference are none."""
+    off = [row.name for row in rows if row.is_metric and row.verdict == "fail"]
+    rows = [row for row in rows if not row.is_metric]
     counts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in ("pass", "fail", WAITING)}
     judged = counts["pass"] + counts["fail"]
     if not judged and not counts[WAITING]:
@@ -174,7 +176,7 @@ def headline(rows: list[Row], has_ended: bool) -> str:
         still_open = f", {counts[WAITING]} open" if counts[WAITING] else ""
         return f"So far {counts['pass']} met, {counts['fail']} failed{still_open}."
     left = sum(row.verdict == NOT_JUDGED for row in rows)
-    rest = f", {left} not judged" if left else ""
+    rest = f", {left} not judged" * bool(left) + f"; {len(off)} metrics far from their reference" * bool(off)
     if counts["fail"]:
         return f"{counts['fail']} of {judged} requirements failed{rest}."
-    return f"{judged} of {judged + left} requirements met{rest}." if left else f"All {judged} requirements met."
+    return f"{judged} of {judged + left} requirements met{rest}." if left else f"All {judged} requirements met{rest}."

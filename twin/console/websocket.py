@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.console.space import space_view
-from twin.live import RefusedError
+from twin.errors import TwinError
 from twin.results import si_conversion
 
 if TYPE_CHECKING:
@@ -194,14 +194,14 @@ def tick_message(console: Host, client: str, tick: int, messages: PageMessages) 
         return json.dumps({**page, "phase": "", "held": held})
     state, values = live.state, dict[str, Any]()
     if messages.watched:
-        with suppress(RefusedError):
+        with suppress(TwinError, OSError):  # a run whose files are closed or removed
             for name, value in live.latest(messages.watched).values.items():
                 if len(value) and messages.shown.get(name) != (present := value[-1].tobytes()):
                     factor, offset = messages.scales[name]
                     messages.shown[name] = present
                     values[name] = plain(value[-1] if factor == 1.0 and not offset else factor * value[-1] + offset)
     frame = None
-    with suppress(RefusedError):
+    with suppress(TwinError, OSError):
         frame = messages.new_frame(live)
     return json.dumps(
         {
@@ -261,16 +261,22 @@ def register(app: FastAPI, console: Host, is_page: Callable[[str], bool]) -> Non
         console.operator_lock.leave(client)
 
     async def send_ticks(socket: WebSocket, messages: PageMessages) -> None:
+        from starlette.websockets import WebSocketDisconnect
+
         client, tick = socket.query_params["client"], 0
-        with suppress(RuntimeError, OSError):  # the socket is closed
-            while True:
-                if not is_page(client) and client in console.operator_lock.pages:
-                    leave(client)  # dropped by the server: its buttons are dead, only STOP still arrives
-                tick += 1
-                text = tick_message(console, client, tick, messages)
-                messages.sent(tick)
-                await socket.send_text(text)
-                await asyncio.sleep(PERIOD)
+        try:
+            with suppress(RuntimeError, OSError, WebSocketDisconnect):  # the socket is closed
+                while True:
+                    if not is_page(client) and client in console.operator_lock.pages:
+                        leave(client)  # dropped by the server: its buttons are dead, only STOP still arrives
+                    tick += 1
+                    text = tick_message(console, client, tick, messages)
+                    messages.sent(tick)
+                    await socket.send_text(text)
+                    await asyncio.sleep(PERIOD)
+        finally:  # a page with an open socket and without ticks would stay gray; without a socket it connects again
+            with suppress(RuntimeError, OSError, WebSocketDisconnect):
+                await socket.close()
 
     async def receive_messages(socket: WebSocket, messages: PageMessages) -> None:
         from starlette.websockets import WebSocketDisconnect

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mmap
 import os
+import threading
 from bisect import bisect_right
 from dataclasses import dataclass
 from math import prod
@@ -48,14 +49,16 @@ class RecordingReader:
         self.columns = {name: (first, tuple(shape), kind) for name, first, shape, kind, *_ in layout["columns"]}
         self._file = os.open(recorded.folder / f"{part.number}.rows", os.O_RDONLY)
         self._words: Array = np.zeros((0, self.width), np.int64)
+        self._lock = threading.RLock()  # another thread may close the file
 
     def rows(self) -> Array:
         """Return all rows so far, as 64-bit words."""
-        count = os.fstat(self._file).st_size // (WORD * self.width) if self._file >= 0 else 0
-        if count > len(self._words):
-            mapped = mmap.mmap(self._file, count * WORD * self.width, access=mmap.ACCESS_READ)
-            self._words = np.frombuffer(mapped, np.int64).reshape(count, self.width)
-        return self._words
+        with self._lock:
+            count = os.fstat(self._file).st_size // (WORD * self.width) if self._file >= 0 else 0
+            if count > len(self._words):
+                mapped = mmap.mmap(self._file, count * WORD * self.width, access=mmap.ACCESS_READ)
+                self._words = np.frombuffer(mapped, np.int64).reshape(count, self.width)
+            return self._words
 
     def read(self, names: Sequence[str], since: float | None, until: float | None) -> Samples:
         """Return rows with since < time <= until [s]; None: from the first, to the last."""
@@ -109,7 +112,8 @@ class RecordingReader:
 
     def close(self) -> None:
         """Map the last rows and close the file; mapped rows stay valid until the last reference to them is gone."""
-        if self._file >= 0:
-            self.rows()
-            os.close(self._file)
-            self._file = -1
+        with self._lock:
+            if self._file >= 0:
+                self.rows()
+                os.close(self._file)
+                self._file = -1

@@ -68,6 +68,7 @@ class Session:
         self.stepping: int | None = None  # number of the step command
         self.priority = LoopPriority()
         self._last_status_time = self._last_drive_status_time = -inf
+        self._last_update = wall.monotonic()  # of held inputs
         self.first_values: dict[str, Any] = {}  # set at the start, as an operator would
         self._message, self.shown_message = 0, ""
         self._executor: CommandExecutor | None = None
@@ -273,13 +274,17 @@ class Session:
         """Release expired holds, then apply the values of all held inputs and their companions."""
         executor = self._executor
         assert executor is not None
-        for name in self.dead_man.expire(wall.monotonic()):
+        longest, now = self.dead_man.longest, wall.monotonic()
+        pause, self._last_update = now - self._last_update, now
+        was_busy = pause > longest / 2
+        cause = f"this computer was busy for {pause * 1e3:.0f} ms" if was_busy else "nothing came from the page in time"
+        for name in self.dead_man.expire(now):
             self.expired_holds.add(name)
             executor.add_done(self.simulated.time, EXPIRED, name, "", by_operator=True)
             control = executor.controls.get(name)
             self.say(
-                f"{control.label if control else name}: at rest, not renewed for {self.dead_man.longest * 1e3:.0f} ms: the page answered "
-                "too late, or the computer is overloaded. Release and press again."
+                f"{control.label if control else name}: at rest, not renewed for {longest * 1e3:.0f} ms: {cause}. "
+                "Release and press again."
             )
         wanted: dict[str, Any] = {name: held.value for name, held in self.dead_man.inputs.items()}
         for name, along in self.along.items():

@@ -86,7 +86,8 @@ def score_text(now: Score, targets: Mapping[str, Any], factor: float, shown_unit
     if not left:
         return f"{owner}{'all' if owner else 'All'} {len(names)} targets reached in {figures}"
     state = f"{owner}{len(now.reached)} of {len(names)} targets, next: {left[0]}"
-    return f"{state}; {figures if now.duration else 'time starts with your first command'}"
+    hint = f"{targets['hint']}; " if targets.get("hint") else ""
+    return f"{state}; {figures if now.duration else f'{hint}time starts with your first command'}"
 
 
 def point_label(scenes: Iterable[Mapping[str, Any]], signal: str) -> str:

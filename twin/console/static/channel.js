@@ -1,6 +1,7 @@
 // Web socket of the page: distributes ticks of the server to listeners, and sends held controls. One per page.
 
 const SILENT = 2000;  // time without a tick after which a page says that the server does not answer [ms]
+const RENEWED = 6000; // time without a tick after which it opens another socket; the present one stays until then, for STOP [ms]
 
 class Channel {
   constructor() { this.listeners = new Set(); this.watched = new Map(); this.tick = 0; this.operator = false; }
@@ -14,16 +15,28 @@ class Channel {
     addEventListener("online", () => this.connect());
     addEventListener("pagehide", () => { this.closed = true; this.drop(); });
     addEventListener("pageshow", () => { this.closed = false; this.connect(); });
-    setInterval(() => { if (this.socket && !document.hidden && performance.now() - this.seen > SILENT) this.lost(this.socket.readyState === WebSocket.OPEN); }, SILENT / 4);
+    setInterval(() => {
+      if (!this.socket || document.hidden) return;
+      const now = performance.now(), open = this.socket.readyState === WebSocket.OPEN;
+      if (now - this.seen > SILENT) this.lost(open);
+      if (open && now - Math.max(this.seen, this.begun) > RENEWED) this.connect(true);
+    }, SILENT / 4);
   }
 
-  connect() {
-    if (this.socket || this.closed) return;
+  connect(again = false) {
+    if ((this.socket && !again) || this.closed) return;
     const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/wire?client=${encodeURIComponent(this.page)}`);
-    this.socket = socket;
-    this.seen = performance.now();
-    socket.onopen = () => { this.subscribed = ""; this.values = {}; this.subscribe(); this.show(this.space); };
+    this.begun = performance.now();
+    if (!again) { this.socket = socket; this.seen = this.begun; }
+    socket.onopen = () => {
+      if (this.closed || (this.socket !== socket && !again)) { socket.close(); return; }
+      const before = this.socket;
+      this.socket = socket;
+      if (before !== socket) before?.close();
+      this.subscribed = ""; this.values = {}; this.subscribe(); this.show(this.space);
+    };
     socket.onmessage = (event) => {
+      if (this.socket !== socket) return;
       const state = JSON.parse(event.data);
       if (state.values) state.values = Object.assign(this.values, state.values);  // the server sends those that have changed
       if (state.dropped) { location.reload(); return; }

@@ -64,8 +64,8 @@ export default {
       <button type="button" class="way" :disabled="!operator" :aria-label="one.label" @pointerdown.prevent="push($event, one, 1)"
               @pointerup="pull(one)" @pointercancel="pull(one)" @lostpointercapture="pull(one)">{{ one.kind === "hold" ? "+" : "press" }}</button>
     </div>
-    <p v-if="!controls.length && !over" class="twin-soft">No joystick or buttons are defined for this scenario. Change parameters below, or add a <code>console:</code> section.</p>
-    <p v-else :class="stopped || early ? 'twin-warn' : 'twin-soft'" role="status">{{ over ? "The session is over" + (controls.length ? ": controls have no effect." : ".") : !operator ? watching : paused ? "Paused: press Run, then hold a control." : early ? "Held since before Run: release and press again." : stopped ? "Stopped by the dead-man switch: this page answered too late. Release and hold again." : "Motion lasts while you hold a control." }}</p>
+    <p v-if="!controls.length && !over" class="twin-soft">Runs by itself: press Run, change values while it runs.</p>
+    <p v-else :class="stopped || early ? 'twin-warn' : 'twin-soft'" role="status">{{ over ? "The session is over" + (controls.length ? ": controls have no effect." : ".") : !operator ? watching : paused ? "Paused: press Run, then hold a control." : early ? "Held since before Run: release and press again." : stopped ? "Stopped by the dead-man switch. Release and hold again." : "Motion lasts while you hold a control." }}</p>
     <p v-if="pad && !over" class="twin-soft">{{ pad }}</p>
   </div>`,
   props: { controls: Array, session: Boolean },
@@ -141,10 +141,10 @@ export default {
         if (at || this.hands.held.get(one.name)?.has("pad")) this.hands.move(one.name, "pad", at);
       }
     },
-    grab(event, stick) { event.preventDefault(); event.currentTarget.setPointerCapture(event.pointerId); this.grabbed = stick.key; this.drag(event, stick); },
+    grab(event, stick) { event.preventDefault(); event.currentTarget.setPointerCapture(event.pointerId); this.grabbed = stick.key; this.box = event.currentTarget.getBoundingClientRect(); this.drag(event, stick); },
     drag(event, stick) {
       if (this.grabbed !== stick.key) return;
-      const box = event.currentTarget.getBoundingClientRect(), half = box.width * 0.3;
+      const { box } = this, half = box.width * 0.3;  // of the grab: a text that grows above moves the joystick, not the knob in it
       if (stick.x) this.hands.move(stick.x.name, "stick", (event.clientX - box.left - box.width / 2) / half || 1e-6);
       if (stick.y) this.hands.move(stick.y.name, "stick", (box.top + box.height / 2 - event.clientY) / half || 1e-6);
     },

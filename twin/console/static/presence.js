@@ -2,6 +2,8 @@
 
 import { channel } from "/console/channel.js";
 
+const READ = 10000;  // time for which a message of a simulation is shown [ms]
+
 export default {
   template: `<div><button id="twin-stop" :style="{ visibility: label ? 'visible' : 'hidden' }" type="button" :class="{ 'twin-end': label && label !== 'STOP' }" :title="about" :disabled="!connected || (lost && !silent)"
     @click="stop">{{ label }}</button><p class="twin-disconnected" role="alert" v-if="lost">{{ warning }}</p></div>`,
@@ -30,6 +32,7 @@ export default {
       this.silent = Boolean(state.silent);
       if (this.lost) { this.say("no connection to the server", ""); return; }
       this.connected = true;
+      document.body.classList.toggle("twin-watches", !state.operator);
       this.label = state.stop;
       if (this.attends && state.attend && channel.operator && !document.hidden) channel.send({ here: true, tick: state.tick });
       const pace = state.achieved === null || state.achieved === undefined ? "" : `${state.achieved.toFixed(state.achieved < 10 ? 2 : 0)} × real time`;
@@ -39,7 +42,10 @@ export default {
     say(how, message) {
       const place = document.getElementById("twin-how"), below = document.getElementById("twin-message");
       if (place && how !== null && place.textContent !== how) place.textContent = how;
-      if (below && below.textContent !== message) { below.textContent = message; below.title = message; }
+      const now = performance.now();
+      if (message !== this.message) { this.message = message; this.since = now; }
+      const text = this.hardware || now - this.since < READ ? message : "";  // of drives it stays
+      if (below && below.textContent !== text) below.textContent = text;
     },
   },
 };

@@ -101,7 +101,7 @@ def check_controls(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> l
 
 
 def resolve_targets(spec: TargetKeys, catalog: Catalog) -> dict[str, Any]:
-    """Return targets in the signal's unit: signal, tolerance, points; CouplingError if they do not fit the signal."""
+    """Return targets in the signal's unit: signal, tolerance, points, and the hint if there is one; CouplingError if they do not fit the signal."""
     variable, _ = find(spec.signal, catalog)
     points = {}
     for name, point in spec.points.items():
@@ -112,7 +112,8 @@ def resolve_targets(spec: TargetKeys, catalog: Catalog) -> dict[str, Any]:
     tolerance = number(spec.tolerance, variable, f"{spec.signal}: tolerance")
     if not tolerance > 0.0:
         raise CouplingError(f"{spec.signal}: tolerance: expected a distance above zero.")
-    return {"signal": spec.signal, "tolerance": tolerance, "points": points}
+    hint = {"hint": spec.hint} if spec.hint else {}
+    return {"signal": spec.signal, "tolerance": tolerance, "points": points, **hint}
 
 
 def resolve_warning(spec: WarningKeys, catalog: Catalog) -> dict[str, Any]:

@@ -264,6 +264,7 @@ class TargetKeys(Keys):
     signal: Reference
     points: Annotated[dict[Text, Annotated[Some[Value], Field(min_length=1)]], Field(min_length=1)]
     tolerance: Value
+    hint: Text = ""
 
 
 class WarningKeys(Keys):

@@ -26,6 +26,7 @@ export function rig(place, view) {
   const drives = parts(view, "carriage").slice(0, 2);
   const instrument = one("instrument"), sheath = one("sheath"), heart = one("heart"), wallPart = one("wall");
   const centers = drives.length > 1 ? [180, 440] : [310];
+  if (wallPart && drives.length === 1) place.classList.add("twin-at-wall");
 
   make(svg, "rect", { x: 60, y: RAIL, width: 520, height: 9, rx: 3, class: "rail" });
   for (const center of centers) for (let mm = -50; mm <= 50; mm += 10) {  // each carriage has its own zero
