@@ -63,7 +63,12 @@ def variable(**attributes):
         ({"unit": "mm", "start": 5.0, "minimum": 0.0, "maximum": 10.0}, "x", "5 mm", "0 mm to 10 mm"),
         ({"unit": "rpm", "start": 60.0}, "x", "60 rpm", ""),
         ({"unit": "degC", "display_unit": "K", "start": 20.0}, "x", "293.1 K", ""),
-        ({"unit": "U/min {0.10472 s^-1*rad + 0.0}", "start": 60.0, "maximum": 90.0}, "x", "60 U/min", "at most 90 U/min"),
+        (
+            {"unit": "U/min {0.10472 s^-1*rad + 0.0}", "start": 60.0, "maximum": 90.0},
+            "x",
+            "60 U/min",
+            "at most 90 U/min",
+        ),
         ({"unit": "no unit", "display_unit": "mm", "start": 5.0}, "x", "5 no unit", ""),
         ({"type": "Boolean", "start": 1, "unit": ""}, "x", "true", ""),
         ({"type": "String", "start": "abc", "unit": ""}, "x", "abc", ""),

@@ -133,7 +133,12 @@ def test_wrong_units_are_one_line(fmu, tmp_path, units, message):
 
 @pytest.mark.parametrize(
     ("offset", "result"),
-    [("1 mm", 1e-3), ("0.002", 0.002), ("1 N", "offset: N does not convert to m"), ("soon", "`soon` is not a quantity")],
+    [
+        ("1 mm", 1e-3),
+        ("0.002", 0.002),
+        ("1 N", "offset: N does not convert to m"),
+        ("soon", "`soon` is not a quantity"),
+    ],
 )
 def test_an_offset_of_a_connection_has_a_unit(tmp_path, offset, result):
     text = OWN.replace("FMU", "heart").replace(

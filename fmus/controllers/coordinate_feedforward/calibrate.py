@@ -315,7 +315,9 @@ def doubts(tables: Mapping[str, Mapping[str, Values]], fits: Mapping[str, Fit]) 
     outside = (difference < low - tolerance) | (difference > high + tolerance)
     outside &= ~np.isin(rows[1:], np.concatenate([fit.used for fit in linear]))
     lines = ", ".join(str(row + 1) for row in rows[1:][outside])
-    return [f"linear: unused moves contradict the fits, those to row {lines}. Check them and the rows before."] * bool(lines)
+    return [f"linear: unused moves contradict the fits, those to row {lines}. Check them and the rows before."] * bool(
+        lines
+    )
 
 
 def parameters(fits: Mapping[str, Fit]) -> dict[str, Any]:

@@ -155,7 +155,8 @@ def parameter_set(item: Node, folder: Path, problems: list[str]) -> Node:
     """Return the content of a parameter set, `component: {parameter: value}`; read from its file if it is a path."""
     if not isinstance(item.value, str):
         return item
-    path = folder / item.value
+    folders = (folder, *scenario_paths.folders("scenario"))  # then as a shipped scenario names it
+    path = next((path for root in folders if (path := root / item.value).is_file()), folder / item.value)
     if not path.is_file():
         file_names = [other.name for other in path.parent.glob("*.y*ml")] if path.parent.is_dir() else []
         hint = nearest(path.name, file_names) or " Give a path relative to this file."
