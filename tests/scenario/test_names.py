@@ -109,7 +109,7 @@ def test_a_scenario_states_the_unit_that_an_fmu_does_not_declare(fmu, bare, tmp_
     scenario = parse_scenario(text, tmp_path / "s.yaml")
     (note,) = missing_units(scenario)
     assert "s.yaml:6: heart.position -> wall.heart_position: heart.fmu declares no valid unit for `position`" in note
-    assert note.endswith("State it: `units: {position: m}` of member `heart`.")
+    assert note.endswith("State its unit, such as `units: {position: m}` of member `heart`.")
     stated = OWN.replace("FMU,", f"{bare}, units: {{position: mm}},")
     assert missing_units(parse_scenario(stated, tmp_path / "s.yaml")) == []
     values, own = signals(stated, tmp_path, build), signals(OWN.replace("FMU,", f"{fmu},"), tmp_path, build)

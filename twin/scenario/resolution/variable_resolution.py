@@ -168,7 +168,7 @@ def missing_units(scenario: ScenarioSpec) -> list[str]:
                 name, member = bare[0].variable.name, case.members[bare[0].member]
                 notes[
                     f"{connection.where}: {connection.source} -> {connection.target}: {Path(member.component).name} declares no "
-                    f"valid unit for `{name}`, so its values count as {others[0]}. State it: `units: {{{name}: {others[0]}}}` of "
+                    f"valid unit for `{name}`, so its values count as {others[0]}. State its unit, such as `units: {{{name}: {others[0]}}}` of "
                     f"member `{bare[0].member}`."
                 ] = None
     return list(notes)
