@@ -211,7 +211,10 @@ def outcome(**attributes):
     verdicts = ["pass"] * values["met"] + ["fail"] * (values["judged"] - values["met"])
     expectations = [{"verdict": verdict} for verdict in verdicts + ["skipped"] * attributes.get("skipped", 0)]
     return SimpleNamespace(
-        run=SimpleNamespace(status=values["status"], real_time_factor=values["factor"], wall_time=1.2345, reason=""),
+        run=SimpleNamespace(
+            status=values["status"], real_time_factor=values["factor"], wall_time=values.get("took", 1.2345), reason=""
+        ),
+        tables={("A", 0): SimpleNamespace(time=[0.0, 6.7]), ("A", 1): SimpleNamespace(time=[])},
         summary={"status": values["status"], "passed": values["passed"], "expectations": expectations, "metrics": {}},
         passed=values["passed"],
         folder=Path(values["folder"]),
@@ -238,6 +241,7 @@ def outcome(**attributes):
         ({"factor": None}, True, "PASS 2 of 3 in 1.23 s. Report:"),
         ({"status": "failed"}, True, "FAILED: 1 of 3 requirements failed, in 1.23 s"),
         ({"status": "interrupted", "met": 3}, True, "INTERRUPTED in 1.23 s"),
+        ({"status": "interrupted", "met": 3, "took": 0.0}, True, "INTERRUPTED after 6.7 s of simulated time. Report"),
         (
             {"folder": "other/a/1"},
             True,

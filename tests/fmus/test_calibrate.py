@@ -185,6 +185,19 @@ def test_a_fit_of_the_play_is_judged_by_its_error_in_mm(tmp_path):
     assert "warning: linear.handle_mm spans 0.787 mm" in inches
 
 
+def test_exchanged_columns_and_contradicting_moves_are_reported(tmp_path):
+    """A negative slope or offset contradicts the equations; so does a first move in which the tip goes too far."""
+    moves(tmp_path / "a.csv")
+    header, *rows = (tmp_path / "a.csv").read_text().splitlines()
+    (tmp_path / "swapped.csv").write_text("\n".join([",".join(reversed(header.split(","))), *rows]))
+    result = run("coordinate_feedforward", f"linear={tmp_path / 'swapped.csv'}", "-o", tmp_path / "b.yaml").output
+    assert "is negative: the tip would move less than the handle. Check columns and signs." in result
+    assert "warning: reversal_offset: -" in (tmp_path / "b.yaml").read_text()
+    moves(tmp_path / "c.csv", tips=[TIP[0] - 3.0, *TIP[1:]])
+    result = run("coordinate_feedforward", f"linear={tmp_path / 'c.csv'}", "-o", tmp_path / "c.yaml").output
+    assert "warning: linear: unused moves contradict the fits, those to row 2." in result
+
+
 def test_repeated_readings_are_one(tmp_path):
     """Each place read twice, or some, for the noise: no reversals, and as many moves."""
     results = []

@@ -35,6 +35,8 @@ def read(path: Path, text: str, **aliases: tuple[str, str]) -> dict[str, list[fl
         ("way [um],count\n100,2\n350,4\n", {"travel_mm": ("way", "")}, [0.1, 0.35]),
         ("travel (cm),count (all)\n1,2\n3.5,4\n", {"count": ("count (all)", "")}, [10.0, 35.0]),
         ("travel [in],count\n1,2\n3.5,4\n", {}, [25.4, 88.9]),
+        ("Travel [in],COUNT\n1,2\n3.5,4\n", {}, [25.4, 88.9]),
+        ("Travel_mm,travel_mm,count\n9,1,2\n9,3.5,4\n", {}, [1.0, 3.5]),
     ],
 )
 def test_columns_are_converted_to_their_own_units(
@@ -97,12 +99,18 @@ FITS = {
 }
 
 
+def test_a_fit_worse_than_a_constant_is_a_warning() -> None:
+    result = calibration.Calibration({}, {}, {"swapped": fit(0.1, r_squared=-0.2)}, [])
+    (line,) = calibration_report.warnings(result)
+    assert line == "warning: swapped: R2 -0.2: a constant fits better. Check columns and signs."
+
+
 def test_fits_in_words(tmp_path: Path) -> None:
     """A fit is judged by its RMSE over the range of the motion, not by R2."""
     assert [calibration_report.verdict(FITS[name]) for name in FITS] == [
-        "good",
-        "fair",
-        "poor",
+        "within 2%",
+        "within 5%",
+        "over 5%",
         "as the noise",
         "read off",
     ]
@@ -121,7 +129,7 @@ def test_fits_in_words(tmp_path: Path) -> None:
     text = calibration_report.to_yaml("sleeve", {"t": tmp_path / "a.csv"}, result).splitlines()
     assert text[:2] == [
         "# sleeve, calibrated from t=a.csv",
-        "# small: good; RMSE 0.2 mm, range 10 mm, noise not measured, 3 of 5 rows used, R2 0.05",
+        "# small: within 2%; RMSE 0.2 mm, range 10 mm, noise not measured, 3 of 5 rows used, R2 0.05",
     ]
     assert text[-5:] == [
         "# standard errors: k 0.01, x[2] 0.2, weak 0.06",
@@ -162,6 +170,7 @@ def test_a_component_is_calibrated_by_its_own_module(tmp_path: Path, monkeypatch
     module = ModuleType("own.calibrate")
     module.TABLES, module.STROKES = {"t": COLUMNS}, {"travel_mm": 50.0}  # type: ignore[attr-defined]
     module.standard_errors = lambda fits: {"k": fits["f"]}  # type: ignore[attr-defined]
+    module.doubts = lambda tables, fits: [f"k of {len(tables)} table is doubtful."]  # type: ignore[attr-defined]
     module.calibrate = lambda tables: ({"k": float(np.sum(tables["t"]["count"]))}, {"f": 1})  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "own", ModuleType("own"))
     monkeypatch.setitem(sys.modules, "own.calibrate", module)
@@ -170,7 +179,7 @@ def test_a_component_is_calibrated_by_its_own_module(tmp_path: Path, monkeypatch
     file.write_text("travel_mm,number\n1,2\n3,4\n")
     aliases = {"t": {"count": ("number", "")}}
     hint = "t.travel_mm spans 2 mm, the rig's stroke is 50 mm. Check its unit. With the header `travel [in]` it spans 50.8 mm."
-    expected = calibration.Calibration({"k": 6.0}, {"k": 1}, {"f": 1}, [hint])
+    expected = calibration.Calibration({"k": 6.0}, {"k": 1}, {"f": 1}, [hint, "k of 1 table is doubtful."])
     assert calibration.calibrate(component, "own", {"t": file}, aliases) == expected
     with pytest.raises(TwinError, match=r"^u=.*a\.csv: own has no table 'u'\. Its tables: t\.$"):
         calibration.calibrate(component, "own", {"u": file}, {})

@@ -60,7 +60,7 @@ def test_a_group_in_a_process_of_its_own_is_an_fmu(monkeypatch, build, is_isolat
 
     monkeypatch.setattr(cases, "members", SimpleNamespace(component_of=lambda _spec: None, make=refuse))
     case = SimpleNamespace(
-        members={"wall": SimpleNamespace(isolate=is_isolated, made=is_group, exchange=None, names=None)},
+        members={"wall": SimpleNamespace(isolate=is_isolated, made=is_group, exchange=None, names=None, units=None)},
         values=lambda *_: {},
     )
     with pytest.raises(KeyError):

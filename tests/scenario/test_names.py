@@ -1,5 +1,8 @@
 """`names:` of a member: an FMU whose variables have other names takes the place of a component."""
 
+import re
+import zipfile
+
 import numpy as np
 import pytest
 
@@ -8,7 +11,7 @@ from twin.coupling import declared_variables, renamed
 from twin.errors import CouplingError, ScenarioError
 from twin.fmi import exporter
 from twin.run import RunOptions, run_scenario
-from twin.scenario import Backend, load_scenario, parse_scenario
+from twin.scenario import Backend, load_scenario, missing_units, parse_scenario, resolve_variables
 
 OWN = """
 stop_time: 0.2 s
@@ -84,6 +87,73 @@ def test_only_an_fmu_has_names_of_its_own(tmp_path):
     (tmp_path / "s.yaml").write_text(OWN.replace("FMU,", "heart, names: {place: position},"))
     with pytest.raises(ScenarioError, match=r"s\.yaml:4\) is for FMUs\. Leave it out"):
         run_scenario(load_scenario(tmp_path / "s.yaml"), RunOptions(root=tmp_path))
+
+
+@pytest.fixture(scope="module")
+def bare(fmu, tmp_path_factory):
+    """The same FMU without the units of lengths, as many tools write it."""
+    path = tmp_path_factory.mktemp("bare") / "heart.fmu"
+    with zipfile.ZipFile(fmu) as old, zipfile.ZipFile(path, "w") as new:
+        for item in old.infolist():
+            content = old.read(item)
+            if item.filename == "modelDescription.xml":
+                content = re.sub(rb' unit="m"( displayUnit="mm")?', b"", content)
+            new.writestr(item, content)
+    return path
+
+
+@pytest.mark.slow
+def test_a_scenario_states_the_unit_that_an_fmu_does_not_declare(fmu, bare, tmp_path, build):
+    """The unit converts in connections, limits and overrides; without it, the check of a scenario says what is assumed."""
+    text = OWN.replace("FMU,", f"{bare},")
+    scenario = parse_scenario(text, tmp_path / "s.yaml")
+    (note,) = missing_units(scenario)
+    assert "s.yaml:6: heart.position -> wall.heart_position: heart.fmu declares no valid unit for `position`" in note
+    assert note.endswith("State its unit, such as `units: {position: m}` of member `heart`.")
+    stated = OWN.replace("FMU,", f"{bare}, units: {{position: mm}},")
+    assert missing_units(parse_scenario(stated, tmp_path / "s.yaml")) == []
+    values, own = signals(stated, tmp_path, build), signals(OWN.replace("FMU,", f"{fmu},"), tmp_path, build)
+    np.testing.assert_array_equal(values["heart.position"], own["heart.position"])
+    assert np.abs(values["wall.heart_position"]).max() == pytest.approx(1e-3 * np.abs(own["heart.position"]).max())
+
+
+@pytest.mark.parametrize(
+    ("units", "message"),
+    [
+        ("{position: mm}", "units: `position` is declared in m by the FMU. Leave it out, or use `factor`."),
+        ("{place: mm}", "units: there is no variable `place`."),
+    ],
+)
+def test_wrong_units_are_one_line(fmu, tmp_path, units, message):
+    text = OWN.replace("FMU,", f"{fmu}, units: {units},")
+    with pytest.raises(ScenarioError) as caught:
+        run_scenario(parse_scenario(text, tmp_path / "s.yaml"), RunOptions(root=tmp_path))
+    assert any(message in problem for problem in caught.value.problems)
+
+
+@pytest.mark.parametrize(
+    ("offset", "result"),
+    [
+        ("1 mm", 1e-3),
+        ("0.002", 0.002),
+        ("1 N", "offset: N does not convert to m"),
+        ("soon", "`soon` is not a quantity"),
+    ],
+)
+def test_an_offset_of_a_connection_has_a_unit(tmp_path, offset, result):
+    text = OWN.replace("FMU", "heart").replace(
+        "connections: [heart.position -> wall.heart_position]",
+        f"connections: [{{from: heart.position, to: wall.heart_position, offset: {offset}}}]",
+    )
+    if isinstance(result, float):
+        scenario = parse_scenario(text, tmp_path / "s.yaml")
+        (case,) = scenario.variants
+        (link,) = case.system(resolve_variables(scenario)[0][case.variant]).links()
+        assert (link.factor, link.offset) == (1.0, result)
+        return
+    with pytest.raises(ScenarioError) as caught:
+        run_scenario(parse_scenario(text, tmp_path / "s.yaml"), RunOptions(root=tmp_path))
+    assert any(result in problem for problem in caught.value.problems)
 
 
 def test_two_names_may_be_exchanged():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zipfile
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -12,9 +12,6 @@ from tests.scenario.texts import BASE, changed, problems
 from twin.errors import ScenarioError
 from twin.scenario import lint, load_scenario
 from twin.scenario.scenario_paths import located
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 METRIC = BASE[BASE.index("{signal: sensor.force - 0.2") : BASE.index("\nexpect:")]
 
@@ -230,7 +227,7 @@ def test_no_mistake_hides_another(tmp_path: Path) -> None:
     path.write_text(MANY)
     found = [line.removeprefix(f"{path}:") for line in lint(path)[1]]
     beginnings = [
-        "4: member `lost`: There is no component 'haert' in fmus/. Did you mean 'heart'?",
+        f"4: member `lost`: There is no component 'haert' in {Path.cwd()}/fmus or the project's. Did you mean 'heart'?",
         "5: sheath has no variable `nothing`. Known: ",
         "7: connections[1]: `heart.position",
         "8: 'heart.nowhere': heart has no variable 'nowhere'. Known: ",

@@ -27,7 +27,7 @@ def problems(folder, text):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("component: sheath", "component: sheeth", r"identify\.yaml:2: component: There is no component 'sheeth' in fmus/\. Did"),
+        ("component: sheath", "component: sheeth", r"identify\.yaml:2: component: There is no component 'sheeth' in \S*fmus or the project's\. Did"),
         ("component: sheath", "scenario: none.yaml", r"identify\.yaml:2: scenario: there is no file none\.yaml"),
         ("component: sheath", "scenario: model.yaml", r"identify\.yaml:2: scenario: has variants\. Add one, such as variant: slow"),
         ("component: sheath", "scenario: model.yaml\nvariant: fats", r"identify\.yaml:3: variant: there is no variant `fats`\. Did"),

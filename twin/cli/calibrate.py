@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from twin.cli.options import force_option, refuse_existing
-from twin.cli.terminal import say, show_table
+from twin.cli.terminal import say, show_table, show_text
 from twin.errors import ScenarioError, TwinError
 
 if TYPE_CHECKING:
@@ -81,9 +81,9 @@ def show(result: calibration.Calibration) -> None:
     """Print how well each form fits, and the parameters with their standard errors."""
     from twin.results import calibration_report
 
-    titles = ["fit", "is", "RMSE\n[mm]", "range\n[mm]", "noise\n[mm]", "rows\nused", "R2"]
+    titles = ["fit", "error", "RMSE\n[mm]", "range\n[mm]", "noise\n[mm]", "rows\nused", "R2"]
     show_table(titles, [(name, *calibration_report.fit_cells(fit)) for name, fit in result.fits.items()], 2)
-    say(calibration_report.TERMS)
+    show_text(calibration_report.TERMS)
     show_table(["parameter", "value", "standard error"], calibration_report.parameter_rows(result), 1)
 
 

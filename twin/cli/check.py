@@ -83,7 +83,10 @@ def check_file(
     imports: bool = True,
     build: Path | None = None,
 ) -> tuple[list[str], str]:
-    """Return the problems of a file and, if there are none, its extent. `build`: of the C of components; None: not translated."""
+    """Return the problems of a file and, if there are none, its extent; print notes on units that FMUs do not declare.
+
+    `build`: of the C of components; None: not translated.
+    """
     from twin import scenario as scenarios
 
     if is_study(file):
@@ -96,6 +99,8 @@ def check_file(
             problems = check_rollback(scenario)
         if imports and not problems and build is not None:
             problems = scenarios.members.translation_problems(scenario.variants, build)
+        for note in scenarios.missing_units(scenario) if imports and not problems else ():
+            say(f"note: {note}")
     except ScenarioError as error:
         return error.problems, ""
     return problems, describe_extent(scenario)

@@ -12,7 +12,7 @@ import click
 from twin.cli import completion
 from twin.cli.options import filter_option, runs_option
 from twin.cli.terminal import say, show_elapsed, show_table, show_text
-from twin.errors import TwinError, quote_names, suggestion
+from twin.errors import CouplingError, TwinError, quote_names, suggestion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -361,18 +361,25 @@ def range_text(lower: str | None, upper: str | None) -> str:
 
 
 def value_text(value: Any, variable: Variable | MemberVariable) -> str:
-    """Return a number in its display unit, other values unchanged."""
+    """Return a number, given in the variable's own unit, in its display unit, other values unchanged."""
     from twin.results import signals
 
     if variable.type == "Boolean":
         return str(bool(value)).lower()
     if isinstance(value, str | bytes):
         return str(value)
-    return signals.format_value(float(value), unit(variable))
+    factor, offset = signals.si_conversion(variable.unit)  # other than 1 and 0 in an FMU of another tool
+    return signals.format_value(float(value) * factor + offset, unit(variable))
 
 
 def unit(variable: Variable | MemberVariable) -> str:
-    """Return the display unit, or the unit if there is none."""
+    """Return the display unit, or the unit if there is none or it does not convert."""
+    from twin.component import unit as units
+
+    try:
+        units.conversion(variable.unit, variable.display_unit, variable.name)
+    except CouplingError:
+        return variable.unit
     return variable.display_unit or variable.unit
 
 

@@ -362,5 +362,9 @@ def show_verdict(outcome: RunResult, report: bool) -> None:
     counts, end = (f"{counts}, " if has_failed else f"{counts} " * bool(counts)), ": " if has_failed else " "
     folder = "latest" if outcome.folder.parent.parent == Path("runs") else str(outcome.folder)
     prefix = "DRY RUN, drives have not moved: " * bool(summary.get("hardware", {}).get("dry_run"))
-    text, file = f"{counts}in {run.wall_time:.3g} s{speed}.", "report.html" if report else "summary.json"
+    took = f"in {run.wall_time:.3g} s{speed}"
+    if not run.wall_time:  # of a recovered run: its processes were killed before they could tell
+        ends = [float(table.time[-1]) for table in outcome.tables.values() if len(table.time)]
+        took = f"after {max(ends, default=0.0):.3g} s of simulated time"
+    text, file = f"{counts}{took}.", "report.html" if report else "summary.json"
     show_outcome(word, text, outcome.folder / file, f"twin view {folder}", prefix=prefix, end=end)

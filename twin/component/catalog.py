@@ -110,7 +110,9 @@ def component(name: str) -> type[Component]:
 def refuse_unknown(name: str, every: list[str]) -> None:
     """Raise DeclarationError if there is no component with this name."""
     if name not in every:
-        raise DeclarationError(f"There is no component {name!r} in fmus/.{_hint(name, every)}")
+        searched = f"{Path.cwd() / 'fmus'} or the project's"
+        advice = "One of your own must be in `fmus` of the folder where you run this."
+        raise DeclarationError(f"There is no component {name!r} in {searched}.{_hint(name, every)} {advice}")
 
 
 def module(path: str, name: str) -> ModuleType:

@@ -15,7 +15,7 @@ Kinds, by the functions a class has:
 - sampled: `step(self, t, h)` and a `period` [s]: inputs of `t`, published at `t + period`
 - stepped: `step(self, t, h)` without a period: called at every communication point; `samples_at` names the parameter
   with what it samples at by itself, of which a step must be a multiple
-- Python-side (`PythonComponent`): `step` may use all of Python (pymunk, a bus); it cannot become an FMU
+- Python-side (`PythonComponent`): `step` may use all of Python (pymunk, a bus); its FMU needs Python
 
 Of any kind: `terminal` fields group what is connected together.
 
@@ -197,7 +197,7 @@ class Component:
 
 
 class PythonComponent(Component):
-    """A component whose `step` may use all of Python: pymunk, a CAN bus, a file. Never an FMU.
+    """A component whose `step` may use all of Python: pymunk, a CAN bus, a file. Its FMU (`twin export --needs-python`) needs Python.
 
     `initialize` and `step` are called on the instance itself, which may keep any attributes; `close` is called at the
     end of a run, however it ends.

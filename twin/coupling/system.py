@@ -28,8 +28,8 @@ class Connection:
     """Connection from `member.variable` to `member.variable`; an array element is `member.variable[2]` (counted from 1).
 
     It may also connect two terminals, `member.terminal`. `terminals`: the connection of terminals that it is part of.
-    target = factor * source + offset, after conversion of units, unless `convert` is false. `bond`: name shared by the
-    connections of a power bond, one with an effort and one with the flow in the other direction. `hold`: the input is
+    target = factor * source + offset, after conversion of units, unless `convert` is false; `offset_unit`: "" for that
+    of the target. `bond`: name shared by the connections of a power bond, one with an effort and one with the flow in the other direction. `hold`: the input is
     constant over a step, whatever the algorithm's order.
     """
 
@@ -42,6 +42,7 @@ class Connection:
     bond: str = ""
     hold: bool = False
     terminals: str = ""
+    offset_unit: str = ""
 
     @property
     def message_prefix(self) -> str:
@@ -207,7 +208,11 @@ class CoupledSystem:
         if (connection.factor, connection.offset) != (1.0, 0.0):
             if not is_real(target.variable):
                 raise CouplingError(f"{text}: factor and offset are for real numbers. Leave them out.")
-            factor, offset = factor * connection.factor, offset * connection.factor + connection.offset
+            own_offset = connection.offset
+            if connection.offset_unit:
+                own_unit = target.variable.unit or "1"
+                own_offset *= unit.conversion(connection.offset_unit, own_unit, f"{text}: offset")[0]
+            factor, offset = factor * connection.factor, offset * connection.factor + own_offset
         return ResolvedConnection(
             source, target, factor, offset, connection.bond, connection.terminals, connection.hold
         )

@@ -14,7 +14,7 @@ import numpy as np
 from twin import clock
 from twin.component import unit
 from twin.errors import CouplingError, TwinError, nearest
-from twin.scenario import duration
+from twin.scenario import duration, scenario_paths
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -138,6 +138,8 @@ def check_file(path: Any, what: str, kinds: tuple[str, ...], error: type[TwinErr
         raise error(f"{what}: {path!r} is not a path. Give that of a file, or a name.")
     file = Path(path)
     if file.suffix.lower() in kinds and not file.exists():
+        if what in ("scenario", "study"):
+            scenario_paths.refuse_elsewhere(file, what)
         if not file.parent.is_dir():
             raise error(f"{path}: cannot be read: there is no folder {file.parent.resolve()}.")
         names = [other.name for other in file.parent.iterdir() if other.suffix.lower() in kinds]

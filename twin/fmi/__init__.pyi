@@ -1,6 +1,7 @@
 from . import archive as archive
 from . import csv_tables as csv_tables
 from . import fmu_info as fmu_info
+from . import units as units
 from . import xml_checks as xml_checks
 from .archive import unpack as unpack
 from .csv_tables import Results as Results

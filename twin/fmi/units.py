@@ -7,10 +7,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from twin.component import unit
-from twin.errors import CouplingError
+from twin.errors import CouplingError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from twin.coupling import MemberVariable
     from twin.fmi.model_description import DeclaredUnit
@@ -47,6 +47,27 @@ def named(variable: MemberVariable, unit_names: Names, *, is_relative: bool = Fa
     here = unit_names.get(declared) or (unit_names.get((variable.unit, ""), declared)[0], variable.display_unit)
     here = (without_offset(here[0]), without_offset(here[1])) if is_relative else here
     return variable if here == declared else replace(variable, unit=here[0], display_unit=here[1])
+
+
+def stated(variables: Mapping[str, MemberVariable], units: Mapping[str, str]) -> dict[str, MemberVariable]:
+    """Return variables with the units that a scenario states where the FMU declares none, or none that is valid."""
+    result = dict(variables)
+    for name, text in units.items():
+        if name not in variables:
+            raise CouplingError(f"units: there is no variable `{name}`. {nearest(name, variables)}")
+        if has_unit(variables[name]):
+            own = unit.shown(variables[name].unit)
+            raise CouplingError(f"units: `{name}` is declared in {own} by the FMU. Leave it out, or use `factor`.")
+        unit.describe(text)
+        result[name] = replace(variables[name], unit=text, display_unit="")
+    return result
+
+
+def has_unit(variable: MemberVariable) -> bool:
+    """Whether a variable has a valid unit, so that its values are converted."""
+    with suppress(CouplingError):
+        return bool(variable.unit and unit.describe(variable.unit))
+    return False
 
 
 def without_offset(text: str) -> str:

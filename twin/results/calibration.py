@@ -6,6 +6,7 @@ A module `calibrate` next to the component's `model` defines what can be calibra
     STROKES                 column -> largest range of its values on the rig
     calibrate(tables)       tables of arrays -> (parameters of the component, fits by name)
     standard_errors(fits)   fits -> standard errors, by the same names as the parameters
+    doubts(tables, fits)    tables, fits -> a sentence for each result that the equations contradict
 
 `calibrate` raises TwinError with one line for invalid data. A fit has `coefficients` and `errors`, `used` of `rows`,
 `measured` and `predicted`, and in words `residual`, `span`, `noise` and `r_squared`, which `calibration_report` explains.
@@ -68,14 +69,15 @@ def read_table(path: Path, columns: Mapping[str, str], aliases: Mapping[str, tup
     """Read columns of a CSV file with a header, converted to their own units. A TwinError names file and line.
 
     `aliases`: column -> its name and unit in the file; without, the column's own name and the unit in its header,
-    `handle [in]` or `handle (in)`. A name may leave out the unit of the header; a column `handle_mm` is also found as
-    `handle` if the header has a unit.
+    `handle [in]` or `Handle (in)`. A name may leave out the unit of the header; a column `handle_mm` is also found as
+    `handle` if the header has a unit. Upper and lower case count as equal if no name is exactly the same.
     """
     header, rows = read_rows(path)
     full_names = {f"{base}_mm": name for name in header for base, symbol in [unit.split_header(name)] if symbol}
     full_names |= {unit.split_header(name)[0]: name for name in header} | {name: name for name in header}
     names = {column: aliases.get(column, ("", ""))[0] or column for column in columns}
-    names = {column: full_names.get(name, name) for column, name in names.items()}
+    any_case = {name.casefold(): full_name for name, full_name in full_names.items()}
+    names = {column: full_names.get(name) or any_case.get(name.casefold(), name) for column, name in names.items()}
     missing = [name for name in names.values() if name not in header]
     if missing:
         existing = ", ".join(header) or "nothing"
@@ -154,7 +156,7 @@ def calibrate(
         if column in module.STROKES
         for hint in stroke_hints(f"{name}.{column}", values, module.STROKES[column])
     ]
-    return Calibration(parameters, module.standard_errors(fits), fits, hints)
+    return Calibration(parameters, module.standard_errors(fits), fits, hints + module.doubts(tables, fits))
 
 
 def stroke_hints(column: str, values: np.ndarray[Any, Any], stroke: float) -> list[str]:

@@ -17,22 +17,25 @@ if TYPE_CHECKING:
 
     from twin.results.calibration import Calibration
 
-# RMSE over the range of the motion, up to which a fit is called so: a convention of this project
-GOOD, FAIR = 0.02, 0.05
+# RMSE over the range of the motion: steps by which fits are described
+SMALL, LARGE = 0.02, 0.05
 AT_NOISE = 1.5  # RMSE over the deviation of repeated readings, up to which a better form would not help
-TERMS = f"good: RMSE up to {GOOD:.0%} of the range; fair: up to {FAIR:.0%}. Noise: deviation of repeated readings."
+TERMS = (
+    "Error: RMSE over the range. Noise: deviation of repeated readings. R2: part of the variance that the fit explains, "
+    "small for a nearly constant quantity."
+)
 UNDETERMINED = 0.5  # standard error over the value, above which a parameter is reported
 
 
 def verdict(fit: Any) -> str:
-    """Return in words how well a fit fits: by its RMSE over the range of the motion, and over the noise."""
+    """Return in words how large a fit's RMSE is: over the range of the motion, and over the noise."""
     if all(map(math.isnan, fit.errors)):
         return "read off"
-    if fit.residual <= GOOD * fit.span:
-        return "good"
+    if fit.residual <= SMALL * fit.span:
+        return f"within {SMALL:.0%}"
     if fit.residual <= AT_NOISE * fit.noise:
         return "as the noise"
-    return "fair" if fit.residual <= FAIR * fit.span else "poor"
+    return f"within {LARGE:.0%}" if fit.residual <= LARGE * fit.span else f"over {LARGE:.0%}"
 
 
 def fit_cells(fit: Any) -> tuple[str, str, str, str, str, str]:
@@ -55,12 +58,15 @@ def parameter_rows(calibration: Calibration) -> list[tuple[str, str, str]]:
 
 
 def warnings(calibration: Calibration) -> list[str]:
-    """Return a sentence for each doubtful unit, poor fit and undetermined parameter."""
+    """Return a sentence for each doubtful unit, sign and fit, and each undetermined parameter."""
     texts = list(calibration.hints)
     for name, fit in calibration.fits.items():
-        if (quality := verdict(fit)) in ("poor", "as the noise"):
-            cause = "Check columns, units and order of its rows" if quality == "poor" else "The readings are noisy"
+        is_noisy, is_large = (verdict(fit) == text for text in ("as the noise", f"over {LARGE:.0%}"))
+        if is_noisy or is_large:
+            cause = "The readings are noisy" if is_noisy else "Check columns, units and order of its rows"
             texts.append(f"{name}: RMSE {fit.residual:.3g} mm, {fit.residual / fit.span:.0%} of the range. {cause}.")
+        if fit.r_squared < 0.0:
+            texts.append(f"{name}: R2 {fit.r_squared:.2g}: a constant fits better. Check columns and signs.")
     texts += [
         f"{name}: {value:.3g} with standard error {calibration.errors[name]:.2g} is not determined. Take more readings."
         for name, value in calibration.parameters.items()

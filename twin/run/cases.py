@@ -191,7 +191,14 @@ def build_simulation(
             # a group has no class that another process could import
             member_backend = Backend.fmu if spec.isolate and spec.made else backend
             instances[name] = members.make(
-                name, component, case.values(name, catalog[name]), member_backend, build, spec.exchange, spec.names
+                name,
+                component,
+                case.values(name, catalog[name]),
+                member_backend,
+                build,
+                spec.exchange,
+                spec.names,
+                spec.units,
             )
             if spec.isolate:
                 instances[name] = IsolatedMember(instances[name], build)

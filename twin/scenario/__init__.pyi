@@ -41,6 +41,7 @@ from .members import Backend as Backend
 from .members import has_source as has_source
 from .members import make as make
 from .resolution.variable_names import nearest as nearest
+from .resolution.variable_resolution import missing_units as missing_units
 from .resolution.variable_resolution import resolve_variables as resolve_variables
 from .spec import Case as Case
 from .spec import ConditionSpec as ConditionSpec

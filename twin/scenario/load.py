@@ -340,12 +340,16 @@ def member_spec(keys: MemberKeys, node: Node, classes: Mapping[str, type[Compone
         classes.get(component),
         exchange=Exchange(keys.interface, keys.solver, keys.solver_tolerance),
         names=keys.names,
+        units=keys.units,
     )
 
 
 def connection_spec(source: str, keys: ConnectionKeys, location: str) -> ConnectionSpec:
     """Build a connection from its keys."""
-    return ConnectionSpec(source, keys.target, location, keys.factor, keys.offset, keys.convert, keys.bond, keys.hold)
+    offset, unit = keys.offset
+    return ConnectionSpec(
+        source, keys.target, location, keys.factor, offset, keys.convert, keys.bond, keys.hold, offset_unit=unit
+    )
 
 
 def record_of(

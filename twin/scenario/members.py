@@ -116,13 +116,14 @@ def make(
     build: Path,
     exchange: Exchange | None = None,
     names: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> Member:
-    """Create a member with its start values. `exchange` forces the FMU backend; `names`: of an FMU, those here -> its own.
+    """Create a member with its start values. `exchange` forces the FMU backend; `names`, `units`: as of a MemberSpec.
 
     Python-side components and those without source are interpreted regardless of `form`.
     """
     if is_fmu(component):
-        return imported(name, Path(component), values, exchange, names)
+        return imported(name, Path(component), values, exchange, names, units)
     component_class = class_of(component)
     needs_fmu = exchange is not None and exchange.is_specified
     if needs_fmu and (issubclass(component_class, PythonComponent) or not has_source(component_class)):
@@ -241,15 +242,17 @@ def imported(
     values: Mapping[str, Any],
     exchange: Exchange | None = None,
     names: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> FMUMember:
-    """Create a member from an FMU file. `names`: names of its variables here -> its own."""
-    from twin.fmi import member
+    """Create a member from an FMU file. `names`: names of its variables here -> its own; `units`: of those without."""
+    from twin import fmi
 
     own_names = names or {}
     start_values = {own_name(key, own_names): value for key, value in values.items()}
     options = exchange.member_options if exchange is not None else {}
-    created = member(name, path, start_values, **options)
+    created = fmi.member(name, path, start_values, **options)
     created.rename({own: key for key, own in own_names.items()})
+    created.variables = fmi.units.stated(created.variables, units or {})
     return created
 
 

@@ -95,16 +95,21 @@ def title(path: Path) -> str:
     return overview(path).title
 
 
+def refuse_elsewhere(path: Path, kind: str = "scenario") -> None:
+    """Raise ScenarioError if a file is not there but its name is that of a scenario or study."""
+    if path.suffix and not path.exists() and path.stem in scenarios(kind):
+        raise ScenarioError(
+            f"{path}: is not there. There is a {kind} of this name elsewhere: give the name alone, {path.stem}."
+        )
+
+
 def located(name_or_path: str | Path, kind: str = "scenario") -> Path:
     """Resolve the name of a scenario or study to its path; return a path unchanged.
 
     ScenarioError for an unknown name, and for a missing file whose name exists elsewhere.
     """
     path = Path(name_or_path)
-    if path.suffix and not path.exists() and path.stem in scenarios(kind):
-        raise ScenarioError(
-            f"{path}: is not there. There is a {kind} of this name elsewhere: give the name alone, {path.stem}."
-        )
+    refuse_elsewhere(path, kind)
     if path.suffix in (".yaml", ".yml") and not path.exists():
         files = {other.stem: str(other) for other in path.parent.glob(f"*{path.suffix}")}
         names = files | {name: name for name in scenarios(kind) if path.parent == Path()}

@@ -151,6 +151,12 @@ class MemberSpec:
     made: type[Component] | None = field(default=None, compare=False)
     exchange: Exchange = field(default_factory=Exchange)
     names: Mapping[str, str] = field(default_factory=dict)  # of an FMU: names of variables here -> its own
+    units: Mapping[str, str] = field(default_factory=dict)  # of an FMU: name here -> unit that it does not declare
+
+    @property
+    def is_fmu(self) -> bool:
+        """Whether the member is an FMU file."""
+        return self.component.endswith(".fmu")
 
     def values(self, name: str, variables: Variables) -> tuple[dict[str, Any], list[str]]:
         """Convert the start values to numpy values in the variables' units; returns them and problems. `name`: the member."""

@@ -105,6 +105,8 @@ def member_keys(case: Case, name: str, notes: list[str]) -> dict[str, Any]:
         keys["finite"] = False
     if spec.isolate:
         keys["isolate"] = True
+    if spec.units:
+        notes.append(f"{name}: `units` act in its connections, others know no unit of {', '.join(spec.units)}.")
     return keys | {key: value for key, value in asdict(spec.exchange).items() if value}
 
 

@@ -46,8 +46,15 @@ TABLES = {
 # largest value of a column on a rig like the paper's [mm]; pull and handle: its eqs. (4) and (6); needle: its Fig. 9
 STROKES = {"handle_mm": COUPLING_TRAVEL, "tip_mm": COUPLING_TRAVEL, "pull_mm": 9.0, "needle_mm": 11.5}
 
+# parameters that are not negative by the equations, and what a negative value would mean
+NEGATIVE = {
+    "slope": "the tip would move less than the handle",
+    "reversal_offset": "after a reversal the tip would move more than the handle",
+}
+
 STILL = 0.15  # deflection [mm] that counts as none
 CLEAR = 1.6  # a move is surely beyond the play if it is longer than the reversal's offset by this factor
+OUTLIER = 4.0  # a move that is not used contradicts the fits from this multiple of their RMSE on
 LEADS = 0.1, 100.0  # travel per revolution [mm] of lead screws that are in use
 BEYOND = 1.25  # a reading is counted as beyond it, where few readings are left
 
@@ -141,18 +148,22 @@ def fit_steppers(table: Mapping[str, Values]) -> dict[str, Fit]:
     return {"lead": Fit((lead,), float("nan"), deviation, used, predicted, distance[used], (error,), len(steps), span)}
 
 
+def moves(table: Mapping[str, Values]) -> tuple[Any, Values, Values, Values]:
+    """Rows of readings after a move of the handle, and of each move travel, direction, and tip travel minus travel."""
+    rows = np.flatnonzero(np.diff(table["handle_mm"], prepend=np.nan) != 0.0)  # without readings that repeat the last
+    handle, tip = (np.diff(table[column][rows]) for column in ("handle_mm", "tip_mm"))
+    return rows, np.abs(handle), np.sign(handle), tip * np.sign(handle) - np.abs(handle)
+
+
 def fit_linear(table: Mapping[str, Values]) -> dict[str, Fit]:
     """Fit eqs. (2) and (3): tip travel minus handle travel over the handle travel, after a reversal and without one.
 
     Only moves that leave the play behind count: a reversal shorter than it says nothing about the line, nor does the
     move after such a one.
     """
-    rows = np.flatnonzero(np.diff(table["handle_mm"], prepend=np.nan) != 0.0)  # without readings that repeat the last
-    handle, tip = (np.diff(table[column][rows]) for column in ("handle_mm", "tip_mm"))
-    travel, direction = np.abs(handle), np.sign(handle)
+    rows, travel, direction, difference = moves(table)
     reversal = np.zeros(len(travel), bool)
     reversal[1:] = direction[1:] != direction[:-1]
-    difference = tip * direction - travel
     long = travel > 4.0
     offset = float(np.median(-difference[reversal & long])) if (reversal & long).any() else 0.0
     clear = travel > CLEAR * max(offset, 0.0)
@@ -285,6 +296,28 @@ def calibrate(tables: Mapping[str, Mapping[str, Values]]) -> tuple[dict[str, Any
             raise CalibrationError("coupling: needs the tables deflection and linear too. Give them.")
         fits |= fit_coupling(tables["coupling"], fits, fits["reversal"].coefficients[1])
     return parameters(fits), fits
+
+
+def doubts(tables: Mapping[str, Mapping[str, Values]], fits: Mapping[str, Fit]) -> list[str]:
+    """Return a sentence for each parameter of the wrong sign, and for moves outside of the fits that contradict them."""
+    values = parameters(fits)
+    texts = [
+        f"{name}: {values[name]:.3g} is negative: {meaning}. Check columns and signs."
+        for name, meaning in NEGATIVE.items()
+        if values.get(name, 0.0) < 0.0
+    ]
+    if texts or "linear" not in tables:
+        return texts
+    linear = [fits["reversal"], fits["same_direction"]]
+    rows, travel, _, difference = moves(tables["linear"])
+    tolerance = max(OUTLIER * max(fit.residual for fit in linear), STILL)
+    low, high = -np.minimum(values["reversal_offset"], travel), values["slope"] * travel
+    outside = (difference < low - tolerance) | (difference > high + tolerance)
+    outside &= ~np.isin(rows[1:], np.concatenate([fit.used for fit in linear]))
+    lines = ", ".join(str(row + 1) for row in rows[1:][outside])
+    return [f"linear: unused moves contradict the fits, those to row {lines}. Check them and the rows before."] * bool(
+        lines
+    )
 
 
 def parameters(fits: Mapping[str, Fit]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from twin.coupling import Algorithm
 from twin.errors import CouplingError, ScenarioError
 from twin.results import expression
 from twin.scenario.keys import conditions
-from twin.scenario.keys.quantities import duration, nanoseconds, number, raw, short
+from twin.scenario.keys.quantities import duration, nanoseconds, number, raw, short, split
 from twin.scenario.resolution.variable_names import nearest
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -79,6 +79,16 @@ def fraction(value: Any) -> float:
     if not 0 <= ratio <= 10:
         raise ValueError(f"expected a ratio between 0 and 10, such as 20 % or 0.2, not {short(value)}")
     return ratio
+
+
+def offset(value: Any) -> tuple[float, str]:
+    """Split the offset of a connection into number and unit; without a unit it is in that of the target."""
+    parts = split(value) if isinstance(value, str) else None
+    symbol = parts[1] if parts else ""
+    try:
+        return number(raw(value), symbol, "offset"), symbol
+    except CouplingError as error:
+        raise ValueError(str(error).removeprefix("offset: ").rstrip(".")) from None
 
 
 def percent(value: str) -> float:
@@ -147,6 +157,7 @@ Step = Annotated[clock.Time, PlainValidator(positive)]
 Text = Annotated[str, BeforeValidator(text)]
 Reference = Annotated[str, BeforeValidator(reference)]
 Pattern = Annotated[str, BeforeValidator(pattern)]
+Offset = Annotated[tuple[float, str], PlainValidator(offset)]
 Value = Annotated[Any, BeforeValidator(raw)]
 Signal = Annotated[Any, BeforeValidator(parsed_by(expression.parse))]
 Condition = Annotated[Any, BeforeValidator(parsed_by(conditions.parse))]

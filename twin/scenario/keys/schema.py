@@ -9,6 +9,7 @@ from twin.scenario.keys.key_types import (
     Keys,
     Method,
     Moment,
+    Offset,
     Pair,
     Pattern,
     Reference,
@@ -32,7 +33,7 @@ class MemberKeys(Keys):
     `period`: sample period. `communication_step`: interval at which inputs and outputs are exchanged. `finite`: whether
     a value that is not finite ends the run. `isolate`: whether it runs in a separate process. `interface`: FMI
     interface; `solver`: for Model Exchange. `solver_tolerance`: relative, of that solver or of the FMU's own. `names`:
-    of an FMU, names of variables here -> its own.
+    of an FMU, names of variables here -> its own. `units`: of an FMU, variable -> unit that it does not declare.
     """
 
     component: Text | None = None
@@ -45,20 +46,21 @@ class MemberKeys(Keys):
     solver: Text = ""
     solver_tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None
     names: dict[str, Text] = {}
+    units: dict[str, Text] = {}
     description: Text = ""
 
 
 class ConnectionKeys(Keys):
     """`servo.position -> sheath.gripper_position`; `from: null` removes an inherited connection.
 
-    `factor`, `offset`: target = factor * source + offset, after units are converted, unless `convert` is false. `bond`:
-    name of the power bond that this connection and its reverse form. `hold`: the input is held over each step.
+    `factor`, `offset`: target = factor * source + offset, after units are converted, unless `convert` is false; a number
+    as offset is in the target's unit. `bond`: name of the power bond that this connection and its reverse form. `hold`: the input is held over each step.
     """
 
     source: Reference | None = Field(alias="from")
     target: Reference = Field(alias="to")
     factor: Annotated[float, Field(allow_inf_nan=False)] = 1.0
-    offset: Annotated[float, Field(allow_inf_nan=False)] = 0.0
+    offset: Offset = (0.0, "")
     convert: bool = True
     bond: Text = ""
     hold: bool = False

@@ -44,9 +44,10 @@ class VariableCache:
         # why a file made none is reported where it is read
         if not member.component or (is_file and member.made is None):
             return None
-        if member.names and not member.component.endswith(".fmu"):
-            where = member.locations.get("names", member.where)
-            raise ScenarioError(f"`names` ({where}) is for FMUs. Leave it out, or name an FMU as `component`.")
+        key = "names" if member.names else "units" if member.units else ""
+        if key and not member.component.endswith(".fmu"):
+            where = member.locations.get(key, member.where)
+            raise ScenarioError(f"`{key}` ({where}) is for FMUs. Leave it out, or name an FMU as `component`.")
         variables = self.shaped(member, {})
         sizes = structural(name, member, variables)
         return self.shaped(member, sizes) if sizes else variables
@@ -64,9 +65,10 @@ class VariableCache:
 
     def shaped(self, member: MemberSpec, sizes: dict[str, Any]) -> Mapping[str, MemberVariable]:
         """Return the variables of a member for values of structural parameters."""
+        from twin.fmi import units
         from twin.scenario import members
 
-        key = f"{member.component} {sizes or ''} {member.names or ''}"
+        key = f"{member.component} {sizes or ''} {member.names or ''} {member.units or ''}"
         if key not in self.variables_by_key:
             try:
                 sizes = {member.names.get(name, name): size for name, size in sizes.items()}
@@ -74,7 +76,8 @@ class VariableCache:
                 if not member.component.endswith(".fmu"):
                     component = self.classes[member.component] = member.made or catalog.component(member.component)
                 variables = members.variables(component, sizes)
-                self.variables_by_key[key] = renamed(variables, {own: name for name, own in member.names.items()})
+                variables = renamed(variables, {own: name for name, own in member.names.items()})
+                self.variables_by_key[key] = units.stated(variables, member.units) if member.units else variables
             except TwinError as error:
                 self.variables_by_key[key] = error
         result = self.variables_by_key[key]
@@ -145,6 +148,30 @@ def advise_names(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog], proble
                     " `console: null` drops inherited controls."
                 )
     return lines
+
+
+def missing_units(scenario: ScenarioSpec) -> list[str]:
+    """Return a note for each connection of a valid scenario that joins an FMU's variable without a unit to one with a unit."""
+    from twin.coupling import find
+    from twin.fmi import units
+
+    variable_cache, notes = VariableCache(imports=True), dict[str, None]()
+    foreign = [case for case in scenario.variants if any(spec.is_fmu for spec in case.members.values())]
+    for case in foreign:
+        catalog = variable_cache.catalog(case, {})
+        for connection in case.system(catalog).single()[0]:
+            ends = [find(path, catalog) for path in (connection.source, connection.target)]
+            bare = [end for end in ends if case.members[end.member].is_fmu and not units.has_unit(end.variable)]
+            others = [end.variable.unit for end in ends if end not in bare and end.variable.unit not in ("", "1")]
+            is_converted = connection.factor != 1.0 or not connection.convert
+            if bare and others and bare[0].variable.dtype.kind == "f" and not is_converted:
+                name, member = bare[0].variable.name, case.members[bare[0].member]
+                notes[
+                    f"{connection.where}: {connection.source} -> {connection.target}: {Path(member.component).name} declares no "
+                    f"valid unit for `{name}`, so its values count as {others[0]}. State its unit, such as `units: {{{name}: {others[0]}}}` of "
+                    f"member `{bare[0].member}`."
+                ] = None
+    return list(notes)
 
 
 def resolve_case(case: Case) -> Catalog:

@@ -155,7 +155,8 @@ def parameter_set(item: Node, folder: Path, problems: list[str]) -> Node:
     """Return the content of a parameter set, `component: {parameter: value}`; read from its file if it is a path."""
     if not isinstance(item.value, str):
         return item
-    path = folder / item.value
+    folders = (folder, *scenario_paths.folders("scenario"))  # then as a shipped scenario names it
+    path = next((path for root in folders if (path := root / item.value).is_file()), folder / item.value)
     if not path.is_file():
         advice = scenario_paths.missing_file_advice(path)
         problems.append(f"{item.location}: parameter_sets: there is no file {item.value}. {advice}")
