@@ -166,7 +166,8 @@ def compare_runs(
         {name: entry for name, entry in variables.items() if is_selected(name, patterns)} for variables in all_variables
     )
     problems, missing = compare_summaries(*summaries, tolerance, metrics=not patterns, variants=variants)
-    notes: dict[str, None] = {}
+    notes: dict[str, dict[str, None]] = {}  # text -> its cases
+    spans: dict[str, dict[str, None]] = {}
     differences: list[Difference] = []
     recorded: tuple[dict[str, list[str]], ...] = ({}, {})  # signals by case, in cases of both runs
     samples = max((sum(entry["samples"] for entry in summary["cases"]) for summary in summaries), default=0)
@@ -181,11 +182,10 @@ def compare_runs(
             a, b = read[0][case], read[1][case]
             where = f"{case[0]}, seed {case[1]}"
             if not np.array_equal(a.time, b.time):
-                notes[f"{where}: {DIFFERENT_TIMES}"] = None
-                if (entry := describe_length_difference(a.time, b.time)) and (
-                    problem := f"{where}: {entry}"
-                ) not in problems:
-                    problems.append(problem)
+                if span := describe_length_difference(a.time, b.time):
+                    spans.setdefault(span, {})[where] = None
+                if not span or not is_same_while_both(a.time, b.time):
+                    notes.setdefault(DIFFERENT_TIMES, {})[where] = None
             for own, signals in zip(recorded, (a, b), strict=True):
                 own.setdefault(where, []).extend(name for name in names if name in signals.values)
             differences += [
@@ -193,13 +193,16 @@ def compare_runs(
                 for name in names
                 if name in a.values and name in b.values
             ]
+    problems += by_case(spans, len(recorded[0]))
     missing += missing_signals(*recorded)
     changes = metric_changes(*summaries, variants)
     verdicts = () if patterns or variants else verdict_changes(*summaries)
     metric_units = {f"metric {name}": metric["unit"] for name, metric in summaries[0]["metrics"].items()}
     units = display_units(metric_units | {name: entry.display_unit or entry.unit for name, entry in first.items()})
     shown = tuple(replace(entry, unit=units[entry.name]) for entry in differences)
-    return Comparison(shown, tuple(problems), tuple(notes), tolerance, tuple(missing), changes, verdicts)
+    return Comparison(
+        shown, tuple(problems), tuple(by_case(notes, len(recorded[0]))), tolerance, tuple(missing), changes, verdicts
+    )
 
 
 def missing_signals(first: Mapping[str, Sequence[str]], second: Mapping[str, Sequence[str]]) -> list[Missing]:
@@ -212,6 +215,22 @@ def missing_signals(first: Mapping[str, Sequence[str]], second: Mapping[str, Seq
         Missing("signal", run, names, "" if len(own) == len(first) else " and ".join(own))
         for (run, names), own in cases.items()
     ]
+
+
+def by_case(texts: Mapping[str, Mapping[str, None]], count: int) -> list[str]:
+    """Return each text once, with its cases, of `count` that are compared."""
+    return [
+        f"{f'all {count} cases' if 1 < len(cases) == count else '; '.join(cases)}: {text}"
+        for text, cases in texts.items()
+    ]
+
+
+def is_same_while_both(first: Any, second: Any) -> bool:
+    """Whether two recordings have the same sample times while both are recorded."""
+    if not (len(first) and len(second)):
+        return True
+    begin, end = max(first[0], second[0]), min(first[-1], second[-1])
+    return np.array_equal(*(times[(times >= begin) & (times <= end)] for times in map(np.asarray, (first, second))))
 
 
 def is_selected(name: str, patterns: Sequence[str]) -> bool:
