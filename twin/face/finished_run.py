@@ -287,7 +287,7 @@ class Run:
         return target
 
     def compare(self, other: Run | str | Path, *patterns: str | Sequence[str], tolerance: float = 0.0) -> Comparison:
-        """Compare with another run, sample by sample: `agrees`, `differing` signals, `metrics`, `problems`.
+        """Compare with another run, sample by sample: `agrees`, tables of `signals` and `metrics`, `problems`.
 
         `tolerance`: relative. `patterns`: all signals, also internal states, with these names.
         """

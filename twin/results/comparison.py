@@ -13,7 +13,7 @@ from twin.installed import import_optional
 from twin.results.evaluation.metric_format import display_units
 from twin.results.recording.run_folder import RecordedVariable
 from twin.results.recording.signal_reader import list_recorded_variables, read_variables
-from twin.results.recording.signals import format_value
+from twin.results.recording.signals import format_value, si_conversion
 from twin.results.resampling import common_times, excursion, resample
 from twin.results.summary_comparison import (
     MetricChange,
@@ -65,12 +65,13 @@ class Difference:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Result of a comparison. `signals`: in both runs; `problems`: different otherwise; `missing`: in one run only.
+    """Result of a comparison. `differences`: of the signals in both runs; `problems`: different otherwise; `missing`: in one run only.
 
-    `changes`: of the metrics of both runs, also of those within the tolerance. `verdicts`: those that differ.
+    `changes`: of the metrics of both runs, also of those within the tolerance. `verdicts`: those that differ. `signals` and
+    `metrics` are the tables of differences and changes.
     """
 
-    signals: tuple[Difference, ...]
+    differences: tuple[Difference, ...]
     problems: tuple[str, ...]
     notes: tuple[str, ...]
     tolerance: float
@@ -97,9 +98,35 @@ class Comparison:
         return table
 
     @property
+    def signals(self) -> MetricTable:
+        """A row for each signal and case, those beyond the tolerance first, the largest relative difference on top.
+
+        `difference`: the largest, in `unit`; `from`: first time at which it exceeds the tolerance [s].
+        """
+        import_optional("pandas", "python", "a DataFrame")
+        from twin.results.metric_table import MetricTable
+
+        beyond = self.differing
+        rows = [
+            [
+                each.name,
+                each.variant,
+                each.seed,
+                each.unit,
+                each.value / si_conversion(each.unit)[0],
+                each.part,
+                each.time,
+            ]
+            for each in (*beyond, *(each for each in self.differences if each.part <= self.tolerance))
+        ]
+        columns = ["signal", "variant", "seed", "unit", "difference", "relative difference", "from"]
+        table: MetricTable = MetricTable(rows, columns=columns).astype(dict.fromkeys(columns[4:], float))
+        return table
+
+    @property
     def differing(self) -> list[Difference]:
         """Signals beyond the tolerance, the largest relative difference first, then the earliest."""
-        differing = [difference for difference in self.signals if not difference.part <= self.tolerance]
+        differing = [difference for difference in self.differences if not difference.part <= self.tolerance]
         return sorted(
             differing,
             key=lambda difference: (
@@ -114,7 +141,7 @@ class Comparison:
     @property
     def identical_count(self) -> int:
         """Number of bit-identical signals."""
-        return sum(difference.part == 0 for difference in self.signals)
+        return sum(difference.part == 0 for difference in self.differences)
 
     @property
     def agrees(self) -> bool:
@@ -124,7 +151,7 @@ class Comparison:
     @property
     def headline(self) -> str:
         """Whether the runs agree, and in how much they differ."""
-        count, differing, equal = len(self.signals), len(self.differing), self.identical_count
+        count, differing, equal = len(self.differences), len(self.differing), self.identical_count
         within = f"{equal} equal to the bit, {count - equal - differing} within {self.tolerance:g}"
         if self.agrees:
             return f"The runs agree: {count} signals, {within}."
