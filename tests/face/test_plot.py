@@ -73,6 +73,11 @@ def test_a_figure_says_its_cases_and_shows_seeds_as_the_viewer(tmp_path, is_inte
     )
     assert has_range
     assert look(variants="PI+FF", seeds=1) == ("PI+FF, seed 1", [(orange, (TIME + 1).tolist())], False)
+    if not is_interactive:  # a long title does not lie on the legend, also in a narrow figure
+        figure = run.plot("sensor.force", "2 * sensor.force", variants="PI+FF", interactive=False)
+        figure.set_size_inches(3.0, 3.0)
+        figure.draw_without_rendering()
+        assert not figure.legends[0].get_window_extent().overlaps(figure._suptitle.get_window_extent())
     title, lines, _ = look()
     assert title == "mean and range of seeds 1-2"
     assert [color for color, _ in lines] == [blue, orange]

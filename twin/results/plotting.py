@@ -287,7 +287,7 @@ def draw_plot(
     kinds = {curve_kind(curve, selected) for curve in plot.curves}
     if not plot.band and not plot.lines and not plot.unit:
         set_integer_ticks(axes[0], kinds)
-    add_labels(part, grid, plot, is_loop_plot(plot), kinds)
+    add_labels(part, grid, plot, kinds, "lower" if run_variants else "upper")
     if not is_loop_plot(plot):
         letters = 72.0 * 0.75 * row_height(plot, panels)  # room for names of events [pt]
         scale = to_unit(1.0, plot.x_unit, is_difference=True)
@@ -454,8 +454,9 @@ def draw_violated_limits(
             plot_annotations.draw_limits(axis, violation, scale, heights)
 
 
-def add_labels(figure: Any, grid: Any, plot: Plot, is_loop: bool, kinds: set[str]) -> None:
-    """Add axis labels and the legend."""
+def add_labels(figure: Any, grid: Any, plot: Plot, kinds: set[str], side: str) -> None:
+    """Add axis labels and the legend, on a `side` without a title."""
+    is_loop = is_loop_plot(plot)
     x_label = axis_label(plot.x_label or (plot.curves[0].x.text if plot.curves[0].x else "time"), plot.x_unit or "s")
     if is_loop and not plot.x_unit:
         x_label = plot.x_label or x_label.removesuffix(" [s]")
@@ -474,4 +475,4 @@ def add_labels(figure: Any, grid: Any, plot: Plot, is_loop: bool, kinds: set[str
     handles, labels = axis.get_legend_handles_labels()
     if len(labels) > 1:
         fitting = max(LEGEND_LETTERS // (max(map(len, labels)) + 6), 1)
-        figure.legend(handles, labels, loc="outside upper right", ncols=min(len(labels), 4, fitting))
+        figure.legend(handles, labels, loc=f"outside {side} right", ncols=min(len(labels), 4, fitting))
