@@ -100,7 +100,7 @@ def traces(
                     hoverinfo="skip",
                     line={"color": color, "width": 0, "shape": shape},
                     fill=fill,
-                    opacity=0.4,
+                    fillcolor=f"rgba{(*(int(color[i : i + 2], 16) for i in (1, 3, 5)), 0.2)}",
                 )
             yield Scatter(
                 x=x,
