@@ -157,7 +157,8 @@ def show_estimate(study: Study, estimate: TimeEstimate) -> None:
     say(extent(study))
     if study.keys.samples.seeds == "own":
         say(
-            f"Seeds of the noise come from the file's name: a copy not named {study.path.name} has others (samples: seeds)."
+            f"Seeds of the noise come from the file's name: a copy not named {study.path.name} has others, "
+            "unless `samples: {seeds: [1]}` states them."
         )
     rows = [[name, f"{count:,}", f"{estimate.seconds[name]:.3g} s"] for name, count in estimate.counts.items()]
     show_table(["variant", "cases", "time of a case"], rows, 1)
