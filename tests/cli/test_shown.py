@@ -283,6 +283,8 @@ def test_progress_of_a_study(capsys):
     assert progress_text(none) == "tuning: 1 of 9 cases; 0 fail a requirement"
     assert [duration_text(seconds) for seconds in (89.4, 90, 5399, 5400)] == ["89 s", "2 min", "90 min", "1.5 h"]
     display = study.StudyDisplay("Study")
+    with display:  # at once: the first cases take 20 s
+        assert capsys.readouterr().err == "Study: building members, starting the first cases\n"
     display.last_line -= study.LINE_INTERVAL
     for one in made[:3]:
         display.update(one)

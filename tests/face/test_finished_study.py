@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from pyarrow import parquet
 
 import twin
 from tests.face.parts import SCENARIO
@@ -17,7 +18,7 @@ scenario: pushed.yaml
 variants: [plain, strong]
 samples: {method: latin_hypercube, count: 3, seed: 1}
 vary:
-  part.mass: {uniform: [1 kg, 2 kg], source: assumed}
+  part.mass: {uniform: [1000 g, 2000 g], source: assumed}
   push: {scales: part.gain, uniform: [0.5, 2], source: assumed}
 keep: {worst: 1}
 """
@@ -33,7 +34,9 @@ def study(place, build):
 def test_its_cases_are_a_table_with_units(study):
     assert len(study.cases) == 6
     units = study.cases.attrs["units"]
-    assert (units["part.mass"], units["reached"], units["seconds"]) == ("kg", "mm", "s")
+    assert (units["part.mass"], units["reached"], units["seconds"]) == ("g", "mm", "s")  # the mass as in the study file
+    stored = parquet.read_table(study.folder / "cases.parquet")  # in the unit of the variable
+    np.testing.assert_allclose(study.cases["part.mass"], 1000.0 * np.array(stored["part.mass"]))
     gains = np.where(study.cases.variant == "strong", 5.0, 2.0)
     np.testing.assert_allclose(study.cases.reached, 2000.0 * gains * study.cases.push)
 
@@ -78,7 +81,7 @@ def test_the_page_of_a_case_says_which_case_it_is(study):
     page = study.folder / run / "report.html"
     text, row = page.read_text(), study.cases.set_index("case").loc[int(number)]
     assert f"<h1>Case {number} of Gains, {row.variant}</h1>" in text
-    assert re.search(r"part\.mass <b>1\.\d+ kg</b>, push <b>x \d\.\d+</b></p>", text)
+    assert re.search(r"part\.mass <b>1\d{3} g</b>, push <b>x \d\.\d+</b></p>", text)
     assert "<p><code>--set" not in text
     link = re.search(r'<a href="([^"]+)">All cases of Gains</a>', text)[1]
     assert (page.parent / link).resolve() == (study.folder / "report.html").resolve()

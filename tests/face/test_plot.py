@@ -47,6 +47,42 @@ def test_panels_begin_and_end_below_each_other(run):
     assert first.get_xlim() == (0.25, 0.5)
 
 
+@pytest.mark.parametrize("is_interactive", [False, True])
+def test_a_figure_says_its_cases_and_shows_seeds_as_the_viewer(tmp_path, is_interactive):
+    """Mean and range of the seeds, a color for each variant in any figure; it was one seed, the other pale, without a word."""
+    if is_interactive:
+        pytest.importorskip("plotly")
+    cases = {case: (TIME, {"sensor.force": TIME + case[1]}) for case in CASES}
+    cases["PI+FF", 2] = (TIME[:3], {"sensor.force": TIME[:3] + 2})
+    run = open_run(folder_of(tmp_path / "run", cases, [FORCE]))
+
+    def look(**chosen):
+        figure = run.plot("sensor.force", interactive=is_interactive, **chosen)
+        if is_interactive:
+            lines = [(line.line.color, line.y.tolist()) for line in figure.data if line.line.width]
+            return figure.layout.annotations[0].text, lines, len(figure.data) > len(lines)
+        lines = [(line.get_color(), line.get_ydata().tolist()) for line in figure.axes[0].lines]
+        return figure._suptitle.get_text(), lines, bool(figure.axes[0].collections)
+
+    blue, orange = plotting.COLORS[:2]
+    assert look(variants="PI") == ("PI, mean and range of seeds 1-2", [(blue, (TIME + 1.5).tolist())], True)
+    title, lines, has_range = look(variants="PI+FF")
+    assert (title, lines) == (
+        "PI+FF, mean and range of seeds 1-2",
+        [(orange, [*(TIME[:3] + 1.5), *(TIME[3:] + 1)])],
+    )
+    assert has_range
+    assert look(variants="PI+FF", seeds=1) == ("PI+FF, seed 1", [(orange, (TIME + 1).tolist())], False)
+    if not is_interactive:  # a long title does not lie on the legend, also in a narrow figure
+        figure = run.plot("sensor.force", "2 * sensor.force", variants="PI+FF", interactive=False)
+        figure.set_size_inches(3.0, 3.0)
+        figure.draw_without_rendering()
+        assert not figure.legends[0].get_window_extent().overlaps(figure._suptitle.get_window_extent())
+    title, lines, _ = look()
+    assert title == "mean and range of seeds 1-2"
+    assert [color for color, _ in lines] == [blue, orange]
+
+
 @pytest.fixture(scope="module", params=[1, 2, 5])
 def several(request, tmp_path_factory):
     """A run of some variants, with three seeds and signals of three units; the last variant is longer."""
@@ -89,7 +125,7 @@ def drawn(monkeypatch):
 
     figure = SimpleNamespace(_repr_svg_=lambda: '<svg><path fill="#ffffff"/><text fill="#1f2933">t</text></svg>')
 
-    def plot_figure(plots, cases, marks, *, titled):
+    def plot_figure(plots, cases, marks, variants):
         found[:] = [
             [
                 (
@@ -103,7 +139,7 @@ def drawn(monkeypatch):
                 for plot in plots
             ],
             list(cases),
-            (marks, titled),
+            (marks, variants),
         ]
         return figure
 
@@ -124,7 +160,7 @@ def test_plots_of_the_scenario(run, drawn):
     assert 'fill="currentColor"' in html  # legible in a dark notebook
     assert "#ffffff" not in html
     plots, cases, more = drawn
-    assert (names_of(plots), cases, more) == (["Place", "Loop", "Mixed"], CASES, ([], True))
+    assert (names_of(plots), cases, more) == (["Place", "Loop", "Mixed"], CASES, ([], ("PI", "PI+FF")))
     assert [(plot[1], plot[2]) for plot in plots] == [("mm", ""), ("mN", "mm"), ("", "")]
     run.plot("Loop", "Place")
     assert names_of(drawn[0]) == ["Loop", "Place"]

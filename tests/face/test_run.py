@@ -352,9 +352,9 @@ def test_an_interactive_plot(run, monkeypatch):
     figure = run.plot("part.pl*", "part.push", variants=["plain", "strong"], interactive=True)
     assert (figure.rows, figure.options["shared_xaxes"]) == (2, True)
     assert figure.labels == [0.01, "part.place [mm]", 0.01, "part.push [N]", "time [s]"]
-    assert [row for row, _ in figure.curves] == [1] * 4 + [2] * 4
-    (_, first), (_, faint), (_, other) = figure.curves[:3]
-    assert (first["name"], first["showlegend"], faint["showlegend"]) == ("plain", True, False)
+    assert [row for row, _ in figure.curves] == [1] * 6 + [2] * 6  # low, high, mean
+    (_, low), (_, _), (_, first), *_, (_, other) = figure.curves[:6]
+    assert (first["name"], first["showlegend"], low["showlegend"]) == ("plain", True, False)
     assert (other["name"], other["y"][-1]) == ("strong", pytest.approx(1e4))
     monkeypatch.setitem(sys.modules, "plotly", None)
     with pytest.raises(TwinError, match=r"pip install 'catheter-twin\[plotly\]'"):

@@ -401,6 +401,11 @@ def test_the_largest_relative_difference_is_first() -> None:
     found = Comparison((late, early, larger, *same, within, equal, unknown), (), (), 0.01)
     assert found.differing == [unknown, late, larger, same[1], same[2], same[0], early]
     assert found.identical_count == 1
+    assert list(found.signals["signal"]) == ["g", "a", "c", "d", "d", "d", "b", "e", "f"]
+    assert list(found.signals) == ["signal", "variant", "seed", "unit", "difference", "relative difference", "from"]
+    shown = Comparison((Difference("a", "PI", 1, 0.02, 0.5, 2.0, "mN"),), (), (), 0.01).signals
+    assert shown.iloc[0].tolist() == ["a", "PI", 1, "mN", pytest.approx(20.0), 0.5, 2.0]
+    assert list(Comparison((), (), (), 0.0).signals) == list(shown)
     assert not found.agrees
     assert Comparison((within, equal), (), ("a note",), 0.01).agrees
     assert not Comparison((within, equal), ("a problem",), (), 0.01).agrees

@@ -117,9 +117,11 @@ def test_panels_are_arranged_by_their_number(count: int, over: Any, shape: tuple
 def test_several_plots_stand_below_each_other_with_their_titles() -> None:
     plots = [Plot(title, (PlotCurve(X, "x"),), per_variant=title == "two") for title in ("one", "two")]
     plots.append(Plot("none", (PlotCurve(expression.parse("a.z"), "z"),)))
-    figure = plot_figure(plots, TABLES, titled=True)
+    figure = plot_figure(plots, TABLES, run_variants=("PI", "FF"))
     assert figure.get_figheight() == pytest.approx(2.9 + 0.75 + 2 * 1.65 + 0.75)
-    assert [part._suptitle.get_text() for part in figure.subfigs] == ["one", "two"]
+    assert [part._suptitle.get_text() for part in figure.subfigs] == [
+        f"{title}: mean and range of seeds 1-2" for title in ("one", "two")
+    ]
     assert plot_figure(plots, TABLES).subfigs[0]._suptitle is None
 
 

@@ -269,7 +269,7 @@ def test_a_flag_at_its_limit_in_every_case_is_not_the_closest(tmp_path):
     assert (sentence.text, sentence.case) == ("All 3 requirements hold in each of 6 samples.", None)
 
 
-def test_the_worst_case_of_a_limit_on_a_signal_is_named(tmp_path):
+def test_the_worst_case_of_a_limit_on_a_signal_is_named(tmp_path, monkeypatch):
     """By the samples that the case stored, whatever the order of the cases is."""
     limit = "  - {name: never more, signal: sensor.measured_force, at_most: 80 mN}\n"
     path = study_file(tmp_path, STUDY.replace("\nkeep:", "\nvariants: [plain]\nkeep:"), SCENARIO + limit)
@@ -283,7 +283,10 @@ def test_the_worst_case_of_a_limit_on_a_signal_is_named(tmp_path):
     first = headline(Answers(cases))[0]
     assert first.case == requests[2].number
     assert first.text.endswith("is case 3, where sensor.measured_force is 95 mN, expected at most 80 mN.")
-    assert noteworthy(cases, SimpleNamespace(failed=1, worst=0)) == [3]
+    keep = SimpleNamespace(failed=1, worst=0)
+    assert noteworthy(cases, keep) == [3, 2, 5]  # the worst of the kind, then the others that fail
+    monkeypatch.setattr("twin.study.answers.summary.KEPT_FAILURES", 2)
+    assert noteworthy(cases, keep) == [3, 2]
 
 
 def test_windows_that_cases_do_not_reach_are_noted_before_a_run(tmp_path):
@@ -502,4 +505,5 @@ def test_a_study_is_checked_and_its_time_estimated(tmp_path, build):
     assert done.exit_code == 0, done.output
     assert re.search(r"^ *plain +6 +\S+ s$", done.output, re.MULTILINE), done.output
     assert re.search(r"^About \S+ (s|min) with 2 processes, of which ", done.output, re.MULTILINE)
+    assert "Seeds of the noise come from the file's name: a copy not named patients.yaml has others" in done.output
     assert not (tmp_path / "runs").exists()

@@ -80,6 +80,15 @@ def test_a_linked_row_is_marked_and_its_command_copied(browser, report):  # noqa
     assert facts[0].split("\n")[1:] == ["cases: 2 variants of each sample"]
     numbers = [int(text.split()[0]) for text in shown.locator("#cases tbody td:first-child").all_inner_texts()]
     assert numbers[:8] == [3, 6, 9, 12, 15, 18, 21, 24]  # failures first
+    figure = shown.locator("figure", has=shown.locator("a")).first
+    link = figure.locator("a").first
+    case = link.get_attribute("xlink:href")[6:]
+    link.dispatch_event("click")
+    picked = figure.locator(".picked").inner_text()
+    cells = shown.locator(f"#case-{case} td.number").all_inner_texts()
+    assert picked.startswith(f"Case {case}\nheart.rate ")
+    assert picked.split(";")[0].count(", ") + 1 >= 2  # the values of what the plot shows
+    assert any(f" {text}" in picked for text in cells)
     assert shown.locator("#cases th").all_inner_texts()[:6] == [
         "Case",
         "Verdict",

@@ -105,7 +105,7 @@ def with_time(folder: Path, started: str) -> str:
 def two_scenarios(comparison: Comparison, summaries: Sequence[Mapping[str, Any]]) -> str:
     """Return a sentence on what runs of two scenarios have in common."""
     names = " and ".join(summary["scenario"]["name"] for summary in summaries)
-    signals, metrics = ({each.name for each in comparison.signals}, {each.metric for each in comparison.changes})
+    signals, metrics = ({each.name for each in comparison.differences}, {each.metric for each in comparison.changes})
     return f"The runs are of two scenarios, {names}: {len(signals)} signals and {len(metrics)} metrics have the same name and case (--all compares them)."
 
 
@@ -189,7 +189,7 @@ def show_signals(comparison: Comparison, everything: bool) -> None:
     if differing:
         by_signal = {signal.name: [each for each in differing if each.name == signal.name] for signal in differing}
         listed = differing if everything else [cases[0] for cases in by_signal.values()]
-        several = len({(each.variant, each.seed) for each in comparison.signals}) > 1
+        several = len({(each.variant, each.seed) for each in comparison.differences}) > 1
         rows = []
         for each in listed if everything else listed[:MAX_SIGNALS]:
             cases = f"{each.variant}, seed {each.seed}" if everything else str(len(by_signal[each.name]))

@@ -6,7 +6,7 @@ import shlex
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import click
 
@@ -129,8 +129,14 @@ class StudyDisplay(ProgressBar):
     has_report = False
 
     def __init__(self, title: str) -> None:
-        super().__init__(title)
+        super().__init__(f"{title}: building members, starting the first cases")
         self.last_line = time.monotonic()
+
+    def __enter__(self) -> Self:
+        super().__enter__()
+        if self.bar is None:
+            say(self.title, err=True)
+        return self
 
     def update(self, progress: StudyProgress) -> None:
         """Show cases, remaining time and failures so far."""
@@ -149,6 +155,11 @@ class StudyDisplay(ProgressBar):
 def show_estimate(study: Study, estimate: TimeEstimate) -> None:
     """Print the extent of a study and what it will take."""
     say(extent(study))
+    if study.keys.samples.seeds == "own":
+        say(
+            f"Seeds of the noise come from the file's name: a copy not named {study.path.name} has others, "
+            "unless `samples: {seeds: [1]}` states them."
+        )
     rows = [[name, f"{count:,}", f"{estimate.seconds[name]:.3g} s"] for name, count in estimate.counts.items()]
     show_table(["variant", "cases", "time of a case"], rows, 1)
     for why in estimate.failures:

@@ -287,7 +287,7 @@ class Run:
         return target
 
     def compare(self, other: Run | str | Path, *patterns: str | Sequence[str], tolerance: float = 0.0) -> Comparison:
-        """Compare with another run, sample by sample: `agrees`, `differing` signals, `metrics`, `problems`.
+        """Compare with another run, sample by sample: `agrees`, tables of `signals` and `metrics`, `problems`.
 
         `tolerance`: relative. `patterns`: all signals, also internal states, with these names.
         """
@@ -318,7 +318,7 @@ class Run:
 
         Signals may be patterns, such as `sensor.*`, or expressions, such as `abs(sensor.force - controller.setpoint)`. Without
         names: all plots. `start`, `stop`: times, such as `"12 s"`, instead of those of the plots. `xy`: a signal and the one over
-        which it is plotted, horizontal first, as in a scenario. `interactive`: as a figure of plotly instead of Matplotlib; by
+        which it is plotted, horizontal first, as in a scenario. Of several seeds the mean and the range. `interactive`: as a figure of plotly instead of Matplotlib; by
         default in notebooks if it is installed.
         """
         plots = [in_window(plot, start, stop) for plot in self._chosen_plots(flatten(what), xy)]
@@ -347,8 +347,8 @@ class Run:
         marks = [row.annotation for row in event_rows(self._checked.variants, self.summary.get("conditions", ()))]
         if interactive is None:
             interactive = in_notebook() and is_plotly_installed()
-        draw = interactive_figure if interactive else partial(plotting.plot_figure, titled=True)
-        if (figure := draw(plots, chosen, marks)) is None:
+        draw = interactive_figure if interactive else plotting.plot_figure
+        if (figure := draw(plots, chosen, marks, self.variants)) is None:
             during = "" if start is None and stop is None else " and at these times"
             raise TwinError(
                 f"{self.folder}: none of the signals was recorded in these variants{during}. Choose others."

@@ -122,7 +122,7 @@ class StudyResult:
 
     @cached_property
     def cases(self) -> pd.DataFrame:
-        """A row for each case: factors, metrics in the units of the report, `holds: REQUIREMENT`, status; units in `.attrs["units"]`.
+        """A row for each case: factors and metrics in the units of the report, `holds: REQUIREMENT`, status; units in `.attrs["units"]`.
 
         `margin: REQUIREMENT`: distance to its nearest limit; negative if violated.
         """
@@ -140,6 +140,12 @@ class StudyResult:
             units[name] = unit
             factor, offset = si_conversion(unit)
             frame[name] = (frame[name].astype(float) - (0.0 if name in margins else offset)) / factor
+        for factor in self.manifest.get("factors", ()):  # in the variables' units
+            name, unit = factor["name"], factor.get("display_unit")
+            if unit and name in frame and not factor["scales"]:
+                (scale, offset), (own, own_offset) = si_conversion(units[name]), si_conversion(unit)
+                frame[name] = (frame[name] * scale + offset - own_offset) / own
+                units[name] = unit
         frame.attrs["units"] = units
         return frame
 

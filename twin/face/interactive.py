@@ -27,15 +27,20 @@ def is_plotly_installed() -> bool:
     return importlib.util.find_spec("plotly") is not None
 
 
-def interactive_figure(plots: Sequence[Plot], tables: Tables, events: Sequence[EventLine] = ()) -> Any:
-    """Return plots below each other as one figure of plotly; None if none of their signals was recorded."""
+def interactive_figure(
+    plots: Sequence[Plot], tables: Tables, events: Sequence[EventLine] = (), run_variants: Sequence[str] = ()
+) -> Any:
+    """Return plots below each other as one figure of plotly; None if none of their signals was recorded.
+
+    `run_variants`: all of the run, each of which keeps its color.
+    """
     import_optional("plotly", "plotly", "An interactive plot")
     from plotly.subplots import make_subplots
 
     panels = [(plot, names) for plot in plots for names in plotting.plot_panels(plot, tables)]
     if not panels:
         return None
-    titles = [", ".join(filter(None, (plot.title, *names[: plot.per_variant]))) for plot, names in panels]
+    titles = [plotting.figure_title(plot, [names], tables) for plot, names in panels]
     is_shared = not any(plotting.is_loop_plot(plot) for plot in plots) and len({plot.x_unit for plot in plots}) == 1
     height = (PANEL_HEIGHT + GAP) * len(panels)
     figure: Any = make_subplots(
@@ -43,7 +48,7 @@ def interactive_figure(plots: Sequence[Plot], tables: Tables, events: Sequence[E
     )
     entries: set[str] = set()  # of the legend
     for row, (plot, names) in enumerate(panels, 1):
-        figure.add_traces(list(traces(plot, names, tables, entries)), rows=row, cols=1)
+        figure.add_traces(list(traces(plot, names, tables, run_variants, entries)), rows=row, cols=1)
         add_marks(figure, plot, names, events, row)
         several = plot_annotations.quantity_name(plot.unit)
         label = plot.label or (plot.curves[0].label if len(plot.curves) == 1 else several)
@@ -61,35 +66,55 @@ def interactive_figure(plots: Sequence[Plot], tables: Tables, events: Sequence[E
     return figure
 
 
-def traces(plot: Plot, names: Sequence[str], tables: Tables, entries: set[str]) -> Iterator[Any]:
-    """Yield the curves of a panel: the first seed of each variant bold, the others faint; `entries`: names in the legend."""
+def traces(
+    plot: Plot, names: Sequence[str], tables: Tables, run_variants: Sequence[str], entries: set[str]
+) -> Iterator[Any]:
+    """Yield the curves of a panel: mean and range of the seeds, of loops the first bold; `entries`: names in the legend."""
     from plotly.graph_objects import Scatter
 
     plotted_variants: set[str] = set()
-    for (variant, seed), signals in plotting.selected_tables(plot, tables).items():
+    is_mean, selected = plotting.is_averaged(plot), plotting.selected_tables(plot, tables)
+    for (variant, seed), signals in selected.items():
         if variant not in names:
             continue
         is_first = variant not in plotted_variants
         plotted_variants.add(variant)
-        for number, curve in enumerate(plot.curves):
-            if (points := plotting.curve_points(curve, plot, signals)) is None:
+        for number, curve in enumerate(plot.curves if is_first or not is_mean else ()):
+            found = (
+                plotting.mean_and_range(curve, plot, selected, variant)
+                if is_mean
+                else plotting.curve_points(curve, plot, signals)
+            )
+            if found is None:
                 continue
-            x, y = plotting.to_axis_units(points, curve, plot, MAX_POINTS)
-            label, color_index, style_index = plotting.curve_style(plot, names, variant, number)
+            x, y = plotting.to_axis_units(found[:2], curve, plot, MAX_POINTS)
+            label, color_index, style_index = plotting.curve_style(plot, names, variant, number, run_variants)
             color = plotting.COLORS[color_index]
+            shape = "hv" if plotting.curve_kind(curve, tables) else "linear"
+            for edge, fill in zip(found[2:], (None, "tonexty"), strict=False):
+                yield Scatter(
+                    x=x,
+                    y=plotting.to_axis_units((found[0], edge), curve, plot, MAX_POINTS)[1],
+                    legendgroup=label,
+                    showlegend=False,
+                    hoverinfo="skip",
+                    line={"color": color, "width": 0, "shape": shape},
+                    fill=fill,
+                    fillcolor=f"rgba{(*(int(color[i : i + 2], 16) for i in (1, 3, 5)), 0.2)}",
+                )
             yield Scatter(
                 x=x,
                 y=y,
                 name=label,
                 legendgroup=label,
                 showlegend=is_first and label not in entries,
-                hovertemplate=f"%{{y:.4g}} {plot.unit}<extra>{label}, seed {seed}</extra>",
+                hovertemplate=f"%{{y:.4g}} {plot.unit}<extra>{label}{'' if is_mean else f', seed {seed}'}</extra>",
                 mode="markers" if plot.points else "lines",
                 line={
                     "color": color,
                     "dash": DASHES[style_index],
                     "width": 1.5 if is_first else 0.7,
-                    "shape": "hv" if plotting.curve_kind(curve, tables) else "linear",
+                    "shape": shape,
                 },
                 marker={"color": color},
                 opacity=1.0 if is_first else 0.3,

@@ -40,7 +40,7 @@ PLOT_COLORS = {  # of a plot on white -> of one on any background
     "#ffffff": "none",
     **dict.fromkeys(("#1f2933", "#3e4c59", "#7b8794", "#9aa5b1"), "currentColor"),
     "#e4e7eb": "#8884",
-    "#0b62a4": "#2f86c9",
+    "#0072b2": "#2f86c9",
     "#8a5a00": "#c08419",
     "#c81e1e": "#e0525f",
 }

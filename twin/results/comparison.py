@@ -13,7 +13,7 @@ from twin.installed import import_optional
 from twin.results.evaluation.metric_format import display_units
 from twin.results.recording.run_folder import RecordedVariable
 from twin.results.recording.signal_reader import list_recorded_variables, read_variables
-from twin.results.recording.signals import format_value
+from twin.results.recording.signals import format_value, si_conversion
 from twin.results.resampling import common_times, excursion, resample
 from twin.results.summary_comparison import (
     MetricChange,
@@ -65,12 +65,13 @@ class Difference:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Result of a comparison. `signals`: in both runs; `problems`: different otherwise; `missing`: in one run only.
+    """Result of a comparison. `differences`: of the signals in both runs; `problems`: different otherwise; `missing`: in one run only.
 
-    `changes`: of the metrics of both runs, also of those within the tolerance. `verdicts`: those that differ.
+    `changes`: of the metrics of both runs, also of those within the tolerance. `verdicts`: those that differ. `signals` and
+    `metrics` are the tables of differences and changes.
     """
 
-    signals: tuple[Difference, ...]
+    differences: tuple[Difference, ...]
     problems: tuple[str, ...]
     notes: tuple[str, ...]
     tolerance: float
@@ -97,9 +98,35 @@ class Comparison:
         return table
 
     @property
+    def signals(self) -> MetricTable:
+        """A row for each signal and case, those beyond the tolerance first, the largest relative difference on top.
+
+        `difference`: the largest, in `unit`; `from`: first time at which it exceeds the tolerance [s].
+        """
+        import_optional("pandas", "python", "a DataFrame")
+        from twin.results.metric_table import MetricTable
+
+        beyond = self.differing
+        rows = [
+            [
+                each.name,
+                each.variant,
+                each.seed,
+                each.unit,
+                each.value / si_conversion(each.unit)[0],
+                each.part,
+                each.time,
+            ]
+            for each in (*beyond, *(each for each in self.differences if each.part <= self.tolerance))
+        ]
+        columns = ["signal", "variant", "seed", "unit", "difference", "relative difference", "from"]
+        table: MetricTable = MetricTable(rows, columns=columns).astype(dict.fromkeys(columns[4:], float))
+        return table
+
+    @property
     def differing(self) -> list[Difference]:
         """Signals beyond the tolerance, the largest relative difference first, then the earliest."""
-        differing = [difference for difference in self.signals if not difference.part <= self.tolerance]
+        differing = [difference for difference in self.differences if not difference.part <= self.tolerance]
         return sorted(
             differing,
             key=lambda difference: (
@@ -114,7 +141,7 @@ class Comparison:
     @property
     def identical_count(self) -> int:
         """Number of bit-identical signals."""
-        return sum(difference.part == 0 for difference in self.signals)
+        return sum(difference.part == 0 for difference in self.differences)
 
     @property
     def agrees(self) -> bool:
@@ -124,7 +151,7 @@ class Comparison:
     @property
     def headline(self) -> str:
         """Whether the runs agree, and in how much they differ."""
-        count, differing, equal = len(self.signals), len(self.differing), self.identical_count
+        count, differing, equal = len(self.differences), len(self.differing), self.identical_count
         within = f"{equal} equal to the bit, {count - equal - differing} within {self.tolerance:g}"
         if self.agrees:
             return f"The runs agree: {count} signals, {within}."
@@ -166,7 +193,8 @@ def compare_runs(
         {name: entry for name, entry in variables.items() if is_selected(name, patterns)} for variables in all_variables
     )
     problems, missing = compare_summaries(*summaries, tolerance, metrics=not patterns, variants=variants)
-    notes: dict[str, None] = {}
+    notes: dict[str, dict[str, None]] = {}  # text -> its cases
+    spans: dict[str, dict[str, None]] = {}
     differences: list[Difference] = []
     recorded: tuple[dict[str, list[str]], ...] = ({}, {})  # signals by case, in cases of both runs
     samples = max((sum(entry["samples"] for entry in summary["cases"]) for summary in summaries), default=0)
@@ -181,11 +209,10 @@ def compare_runs(
             a, b = read[0][case], read[1][case]
             where = f"{case[0]}, seed {case[1]}"
             if not np.array_equal(a.time, b.time):
-                notes[f"{where}: {DIFFERENT_TIMES}"] = None
-                if (entry := describe_length_difference(a.time, b.time)) and (
-                    problem := f"{where}: {entry}"
-                ) not in problems:
-                    problems.append(problem)
+                if span := describe_length_difference(a.time, b.time):
+                    spans.setdefault(span, {})[where] = None
+                if not span or not is_same_while_both(a.time, b.time):
+                    notes.setdefault(DIFFERENT_TIMES, {})[where] = None
             for own, signals in zip(recorded, (a, b), strict=True):
                 own.setdefault(where, []).extend(name for name in names if name in signals.values)
             differences += [
@@ -193,13 +220,16 @@ def compare_runs(
                 for name in names
                 if name in a.values and name in b.values
             ]
+    problems += by_case(spans, len(recorded[0]))
     missing += missing_signals(*recorded)
     changes = metric_changes(*summaries, variants)
     verdicts = () if patterns or variants else verdict_changes(*summaries)
     metric_units = {f"metric {name}": metric["unit"] for name, metric in summaries[0]["metrics"].items()}
     units = display_units(metric_units | {name: entry.display_unit or entry.unit for name, entry in first.items()})
     shown = tuple(replace(entry, unit=units[entry.name]) for entry in differences)
-    return Comparison(shown, tuple(problems), tuple(notes), tolerance, tuple(missing), changes, verdicts)
+    return Comparison(
+        shown, tuple(problems), tuple(by_case(notes, len(recorded[0]))), tolerance, tuple(missing), changes, verdicts
+    )
 
 
 def missing_signals(first: Mapping[str, Sequence[str]], second: Mapping[str, Sequence[str]]) -> list[Missing]:
@@ -212,6 +242,22 @@ def missing_signals(first: Mapping[str, Sequence[str]], second: Mapping[str, Seq
         Missing("signal", run, names, "" if len(own) == len(first) else " and ".join(own))
         for (run, names), own in cases.items()
     ]
+
+
+def by_case(texts: Mapping[str, Mapping[str, None]], count: int) -> list[str]:
+    """Return each text once, with its cases, of `count` that are compared."""
+    return [
+        f"{f'all {count} cases' if 1 < len(cases) == count else '; '.join(cases)}: {text}"
+        for text, cases in texts.items()
+    ]
+
+
+def is_same_while_both(first: Any, second: Any) -> bool:
+    """Whether two recordings have the same sample times while both are recorded."""
+    if not (len(first) and len(second)):
+        return True
+    begin, end = max(first[0], second[0]), min(first[-1], second[-1])
+    return np.array_equal(*(times[(times >= begin) & (times <= end)] for times in map(np.asarray, (first, second))))
 
 
 def is_selected(name: str, patterns: Sequence[str]) -> bool:

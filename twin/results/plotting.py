@@ -14,8 +14,10 @@ from twin.component import unit as units
 from twin.errors import ScenarioError
 from twin.results import figure_files, plot_annotations
 from twin.results.evaluation import dimension, expression
+from twin.results.evaluation.coverage import join_numbers
 from twin.results.evaluation.metrics import Plot, PlotCurve
 from twin.results.recording.signals import si_conversion
+from twin.results.resampling import resample
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -25,7 +27,16 @@ if TYPE_CHECKING:
 
     Tables = Mapping[tuple[str, int], Signals]
 
-COLORS = ("#0b62a4", "#d1495b", "#2a9d6f", "#8e5ea2", "#e08e0b", "#4f6d7a", "#4aa3df", "#a0522d")
+COLORS = (
+    "#0072b2",
+    "#d55e00",
+    "#009e73",
+    "#b8579a",
+    "#a08500",
+    "#4b9fd1",
+    "#7a5cc0",
+    "#6b7075",
+)  # `--line-0` to `--line-7` of twin.web
 LINE_STYLES = ("-", "--", "-.", ":")
 MARKERS = ("o", "x", "^", "s", "+", "d")
 MAX_POINTS = 1400  # about twice the pixels across a panel: more are invisible
@@ -142,10 +153,13 @@ def plot_figure(
     plots: Sequence[Plot],
     tables: Tables,
     events: Sequence[plot_annotations.EventLine] = (),
-    titled: bool = False,
+    run_variants: Sequence[str] = (),
     violations: Sequence[Violation] = (),
 ) -> Any:
-    """Draw plots below each other as one figure of matplotlib; None if none of their signals was recorded."""
+    """Draw plots below each other as one figure of matplotlib; None if none of their signals was recorded.
+
+    `run_variants`: all of the run, for a figure without a page around it: titles, and colors and seeds as in the viewer.
+    """
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
@@ -159,13 +173,24 @@ def plot_figure(
             [figure] if len(visible_plots) == 1 else figure.subfigures(len(visible_plots), 1, height_ratios=heights)
         )
         for part, (plot, panels) in zip(parts, visible_plots, strict=True):
-            draw_plot(part, plot, panels, tables, events, violations)
-            if titled and plot.title:
-                part.suptitle(plot.title, x=0.01, horizontalalignment="left", fontsize=11, fontweight="bold")
+            draw_plot(part, plot, panels, tables, events, violations, run_variants)
+            if run_variants:
+                title = figure_title(plot, panels, tables)
+                part.suptitle(title, x=0.01, horizontalalignment="left", fontsize=11, fontweight="bold")
         if len(visible_plots) > 1 and not any(panel_columns(plot, panels) > 1 for plot, panels in visible_plots):
             align_panels(figure, parts, [plot for plot, _ in visible_plots])
     figure._repr_svg_ = partial(notebook_svg, figure)
     return figure
+
+
+def figure_title(plot: Plot, panels: list[list[str]], tables: Tables) -> str:
+    """Return title, variant if it is one, and seeds of a plot: `Force: PI, mean and range of seeds 1-3`."""
+    seeds = list(dict.fromkeys(seed for _, seed in selected_tables(plot, tables)))
+    text = f"seed{'s' * (len(seeds) > 1)} {join_numbers(seeds)}"
+    if len(seeds) > 1:
+        text = f"mean and range of {text}" if is_averaged(plot) else f"{text} (seed {seeds[0]} bold)"
+    cases = ", ".join([*(panels[0] if panels == [panels[0][:1]] else ()), text])
+    return f"{plot.title}: {cases}" if plot.title else cases
 
 
 def align_panels(figure: Any, parts: Sequence[Any], plots: Sequence[Plot]) -> None:
@@ -212,6 +237,11 @@ def selected_tables(plot: Plot, tables: Tables) -> Tables:
     return {case: signals for case, signals in tables.items() if not plot.variants or case[0] in plot.variants}
 
 
+def is_averaged(plot: Plot) -> bool:
+    """Whether seeds have a mean: those of curves over time."""
+    return not plot.points and not is_loop_plot(plot)
+
+
 def is_loop_plot(plot: Plot) -> bool:
     """Whether a plot shows signals over others instead of over time."""
     return any(curve.x is not None for curve in plot.curves)
@@ -239,6 +269,7 @@ def draw_plot(
     tables: Tables,
     events: Sequence[plot_annotations.EventLine],
     violations: Sequence[Violation],
+    run_variants: Sequence[str],
 ) -> None:
     """Draw a plot into a figure or subfigure."""
     selected = selected_tables(plot, tables)
@@ -247,9 +278,8 @@ def draw_plot(
     for axis in axes[len(panels) :]:
         axis.set_visible(False)
     for axis, names in zip(axes, panels, strict=False):
-        draw_panel(
-            axis, plot, {case: signals for case, signals in selected.items() if case[0] in names}, names, violations
-        )
+        own = {case: signals for case, signals in selected.items() if case[0] in names}
+        draw_panel(axis, plot, own, names, violations, run_variants)
         if len(panels) > 1:
             axis.set_title(names[0])
         if not is_loop_plot(plot):
@@ -257,7 +287,7 @@ def draw_plot(
     kinds = {curve_kind(curve, selected) for curve in plot.curves}
     if not plot.band and not plot.lines and not plot.unit:
         set_integer_ticks(axes[0], kinds)
-    add_labels(part, grid, plot, is_loop_plot(plot), kinds)
+    add_labels(part, grid, plot, kinds, "lower" if run_variants else "upper")
     if not is_loop_plot(plot):
         letters = 72.0 * 0.75 * row_height(plot, panels)  # room for names of events [pt]
         scale = to_unit(1.0, plot.x_unit, is_difference=True)
@@ -324,11 +354,34 @@ def to_axis_units(points: tuple[Any, Any], curve: PlotCurve, plot: Plot, max_poi
     return finite_points(x, y) if plot.points else (envelope if curve.x is None else thin_loop)(x, y, max_points)
 
 
-def curve_style(plot: Plot, names: Sequence[str], variant: str, number: int) -> tuple[str, int, int]:
-    """Return label, index of the color and index of the line style of a plot's curve in a panel of some variants."""
+def mean_and_range(curve: PlotCurve, plot: Plot, tables: Tables, variant: str) -> tuple[Any, ...] | None:
+    """Return times of a variant's first seed, and mean, lowest and highest value of several, without those that ended earlier."""
+    recorded = [
+        points
+        for case, signals in tables.items()
+        if case[0] == variant and (points := curve_points(curve, plot, signals)) is not None
+    ]
+    if len(recorded) < 2:
+        return recorded[0] if recorded else None
+    time, is_real = recorded[0][0], not curve_kind(curve, tables)
+    values = np.stack([np.where(time <= x[-1], resample(time, x, y, is_real), np.nan) for x, y in recorded])
+    with np.errstate(invalid="ignore"):
+        mean = np.nansum(values, axis=0) / np.isfinite(values).sum(axis=0)
+    return time, mean, np.fmin.reduce(values), np.fmax.reduce(values)
+
+
+def curve_style(
+    plot: Plot, names: Sequence[str], variant: str, number: int, run_variants: Sequence[str] = ()
+) -> tuple[str, int, int]:
+    """Return label, index of the color and index of the line style of a plot's curve in a panel of some variants.
+
+    `run_variants`: all of the run, each of which keeps its color in any figure; signals of one panel follow.
+    """
     label = plot.curves[number].label
+    if run_variants and len(plot.curves) == 1:
+        return variant, run_variants.index(variant) % len(COLORS), 0
     if len(names) == 1:
-        return label, number % len(COLORS), 0
+        return label, (number + len(run_variants) * (len(run_variants) > 1)) % len(COLORS), 0
     variant_index = names.index(variant)
     if len(plot.curves) == 1:
         return variant, variant_index % len(COLORS), 0
@@ -336,25 +389,35 @@ def curve_style(plot: Plot, names: Sequence[str], variant: str, number: int) -> 
 
 
 def draw_panel(
-    axis: Any, plot: Plot, tables: Tables, names: Sequence[str], violations: Sequence[Violation] = ()
+    axis: Any,
+    plot: Plot,
+    tables: Tables,
+    names: Sequence[str],
+    violations: Sequence[Violation] = (),
+    run_variants: Sequence[str] = (),
 ) -> None:
-    """Draw one panel: the first seed bold, the others faint, violations on top."""
+    """Draw one panel: the first seed bold, the others faint (with `run_variants` mean and range), violations on top."""
+    is_mean = bool(run_variants) and is_averaged(plot)
     plotted_variants: set[str] = set()
     for (variant, seed), signals in tables.items():
         is_first = variant not in plotted_variants
         plotted_variants.add(variant)
-        for number, curve in enumerate(plot.curves):
-            points = curve_points(curve, plot, signals)
-            if points is None:
+        for number, curve in enumerate(plot.curves if is_first or not is_mean else ()):
+            found = mean_and_range(curve, plot, tables, variant) if is_mean else curve_points(curve, plot, signals)
+            if found is None:
                 continue
+            points = found[:2]
             x, y = to_axis_units(points, curve, plot, MAX_POINTS if is_first else MAX_POINTS // 3)
-            label, color_index, style_index = curve_style(plot, names, variant, number)
+            label, color_index, style_index = curve_style(plot, names, variant, number, run_variants)
+            step = "post" if curve_kind(curve, tables) else None
+            if edges := [to_axis_units((found[0], edge), curve, plot, MAX_POINTS)[1] for edge in found[2:]]:
+                axis.fill_between(x, *edges, step=step, color=COLORS[color_index], alpha=0.2, linewidth=0)
             style = MARKERS[number % len(MARKERS)] if plot.points else LINE_STYLES[style_index]
             axis.plot(
                 x,
                 y,
                 style,
-                drawstyle="steps-post" if curve_kind(curve, tables) else "default",
+                drawstyle="steps-post" if step else "default",
                 color=COLORS[color_index],
                 label=label if is_first else None,
                 alpha=1.0 if is_first else 0.22,
@@ -391,8 +454,9 @@ def draw_violated_limits(
             plot_annotations.draw_limits(axis, violation, scale, heights)
 
 
-def add_labels(figure: Any, grid: Any, plot: Plot, is_loop: bool, kinds: set[str]) -> None:
-    """Add axis labels and the legend."""
+def add_labels(figure: Any, grid: Any, plot: Plot, kinds: set[str], side: str) -> None:
+    """Add axis labels and the legend, on a `side` without a title."""
+    is_loop = is_loop_plot(plot)
     x_label = axis_label(plot.x_label or (plot.curves[0].x.text if plot.curves[0].x else "time"), plot.x_unit or "s")
     if is_loop and not plot.x_unit:
         x_label = plot.x_label or x_label.removesuffix(" [s]")
@@ -411,4 +475,4 @@ def add_labels(figure: Any, grid: Any, plot: Plot, is_loop: bool, kinds: set[str
     handles, labels = axis.get_legend_handles_labels()
     if len(labels) > 1:
         fitting = max(LEGEND_LETTERS // (max(map(len, labels)) + 6), 1)
-        figure.legend(handles, labels, loc="outside upper right", ncols=min(len(labels), 4, fitting))
+        figure.legend(handles, labels, loc=f"outside {side} right", ncols=min(len(labels), 4, fitting))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     Array = np.ndarray[Any, Any]
 
 ZOOM = 1 / 20  # part of the time about the largest error that is drawn larger
-MEASURED, PREDICTED, REZEROED = plotting.COLORS[5], plotting.COLORS[0], plotting.COLORS[4]
+MEASURED, PREDICTED, REZEROED = plotting.COLORS[7], plotting.COLORS[0], plotting.COLORS[4]
 
 
 def html(own: ValidationFile, predictions: list[Prediction]) -> str:
