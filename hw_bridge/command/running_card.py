@@ -8,7 +8,7 @@ import time
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from hw_bridge.command.bench.single_axis import STOPPED_IN_STATE
+from hw_bridge.command.bench.single_axis import AFTER_STOP
 from hw_bridge.command.bench.step import SHOWN
 from hw_bridge.command.commissioning_steps import READING
 from hw_bridge.command.progress import STOPPED, Outcome, has_lost_page, outcome
@@ -249,11 +249,11 @@ def result(typed: Typed) -> tuple[str, str]:
         count = len(labeled(typed.text, "note"))
         return ("warn", f"✓ {what}: done, {count} note{'s' * (count > 1)}") if count else ("good", f"✓ {what}: done")
     if code == STOPPED:
-        state = re.search(STOPPED_IN_STATE, typed.text)
-        drive_state = (
-            f"State of the drive: {state[1]}." if state else "It did not report the state of the drive: run status."
+        state = AFTER_STOP.search(" ".join(typed.text.split()))
+        text = (
+            f"{state[1][0].upper()}{state[1][1:]}" if state else "It did not report the state of the drive: run status."
         )
-        return "neutral", f"{what}: stopped by STOP or Esc. {drive_state}"
+        return "neutral", f"{what}: stopped by STOP or Esc. {text}"
     if has_lost_page(typed.text):
         rest = " ".join(parts(typed)[1].split()).partition(": stopped. ")[2]
         silent = f"this page did not answer for {ATTENDED:g} s (closed, reloaded or stalled)"

@@ -171,10 +171,12 @@ def test_an_orderly_end_and_a_stop(typed):
     one.console.stop()  # what STOP does
     until(lambda: not one.running)
     assert "interrupted" in one.text
-    assert result(one) == (
-        "neutral",
-        "enable axis: stopped by STOP or Esc. State of the drive: Switch on disabled.",
+    kind, text = result(one)
+    assert kind == "neutral"
+    assert re.fullmatch(
+        r"enable axis: stopped by STOP or Esc\. Power is off \(Switch on disabled\), at \S+ mm from start\.", text
     )
+    assert (one.motion.state, one.motion.direction) == ("Switch on disabled", "")
     assert one.done[0][2] == 130
 
 
