@@ -338,6 +338,20 @@ def test_an_error_of_communication_that_is_left(register, code, text):
     assert bool(pending_error(node)) is bool(text)
 
 
+@pytest.mark.parametrize(
+    ("register", "state", "begin"),
+    [
+        (0, State.DISABLED, ["none now", "earlier (1003h): 8130h"]),
+        (0x11, State.DISABLED, ["8130h"]),
+        (0, State.FAULT, ["8130h"]),
+    ],
+)
+def test_an_error_that_was_reset_is_an_earlier_one(register, state, begin):
+    values = {(0x1001, 0): register, (0x1003, 0): 1, (0x1003, 1): 0x8130, (0x6041, 0): WORDS[state]}
+    errors = status(unconnected_node(values=values)).errors
+    assert [text[: len(start)] for text, start in zip(errors, begin, strict=True)] == begin
+
+
 def test_parameters_are_stored_and_restored_by_their_signatures(tmp_path):
     node = unconnected_node(values={(0x6041, 0): WORDS[State.DISABLED]})
     for index in (0x1010, 0x1011):
