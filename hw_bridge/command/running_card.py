@@ -60,21 +60,29 @@ def live_state(page: Page) -> None:
 
 
 def state_text(typed: Typed) -> str:
-    """The latest reading as HTML, a line for each node; why there is none."""
-    watch = typed.watch
+    """The latest values as HTML, a line for each node: those of the running command, or of its end until the next reading."""
+    watch, motion = typed.watch, typed.motion
+    own = motion_line(typed) if motion.state else ""
+    if typed.running:
+        return own or f'<p class="twin-soft">twin hil {escape(typed.word)} runs: see its output.</p>'
     if watch.problem:
         text = f"Live state is off: {watch.problem} The page listens again every {RETRY_PERIOD:.0f} s."
         return f'<p class="twin-warn twin-state">{escape(text)}</p>'
     if not watch.is_on:
         reason = "It continues after the session." if watch.is_wanted else "It only reads, between commands."
         return f'<p class="twin-soft">Live state is off. {reason}</p>'
-    if not watch.rows:
-        reason = "It continues after the command." if typed.running else "Listens for other programs, then reads ..."
-        if not watch.latest:
-            return f'<p class="twin-soft">{reason}</p>'
-        age = f"{time.monotonic() - watch.read_at:.0f} s ago. {reason}"
-        return f'<div class="twin-past"><p>{age}</p>{state_lines(watch.latest)}</div>'
-    return state_lines(watch.rows)
+    if watch.rows:
+        return state_lines(watch.rows)
+    return own or '<p class="twin-soft">Listens for other programs, then reads ...</p>'
+
+
+def motion_line(typed: Typed) -> str:
+    """Values that the latest command printed of its drive, as those of a reading."""
+    motion = typed.motion
+    position = f"{motion.position} {motion.origin}"
+    values = (("6041h", motion.state), ("6064h", position), ("606Ch", motion.velocity), ("6078h", motion.current))
+    title = "values of the running command" if typed.running else "values at the end of the command"
+    return state_lines({typed.node: [(f"{index} {title}", value) for index, value in values]})
 
 
 def state_lines(nodes: dict[str, list[tuple[str, str]]]) -> str:

@@ -79,7 +79,7 @@ def test_the_state_is_read_between_commands_and_nothing_is_written(page, drive):
     assert not [frame for frame in requests if frame.id < 0x80 or 0x200 <= frame.id < 0x580]  # NMT, process data
     opened(page, "status")
     page.get_by_role("button", name="status").click()
-    page.wait_for_selector("text=It continues after the command.")
+    page.wait_for_selector("text=twin hil status runs: see its output.")
     said(page, "limits")
     rows.first.wait_for()
     page.get_by_role("button", name="pause live state").click()
@@ -163,6 +163,8 @@ def test_the_steps_from_a_box_to_a_move(drive, page):
         page.get_by_role("button", name="home", exact=True).click()
         said(page, "homed at -40 mm")
         said(page, "stopped and disabled")
+        page.wait_for_selector(".twin-live >> text=-39.00 mm from reference")  # at once, and as it was left
+        assert page.locator(".twin-live").inner_text().count("Switch on disabled") == 1
         begin = place_now(line, node)
         opened(page, "move")
         page.get_by_label("by", exact=True).locator("visible=true").first.fill("0 2 mm")
@@ -170,6 +172,7 @@ def test_the_steps_from_a_box_to_a_move(drive, page):
         assert page.get_by_role("button", name="move", exact=True).is_disabled()
         page.get_by_label("by", exact=True).locator("visible=true").first.fill("2 mm")
         page.get_by_role("button", name="move", exact=True).click()
+        page.wait_for_selector(".twin-live >> text=Operation enabled")  # the command's own values
         said(page, "from -39.00 mm to -37.00 mm")  # from the reference
         said(page, "is at -37.00 mm")
         said(page, "stopped and disabled")
@@ -198,6 +201,7 @@ def test_a_move_that_no_page_shows_any_more_ends(drive, page):
         opened(page, "move")
         page.get_by_label("by", exact=True).locator("visible=true").first.fill("9 mm")
         page.get_by_role("button", name="move", exact=True).click()
+        page.wait_for_selector(".twin-live >> text=Operation enabled")  # the command's own values
         said(page, "from 0.00 mm to 9.00 mm")
         begin = place(node)
         page.close()

@@ -23,6 +23,7 @@ from hw_bridge.command.commissioning_steps import (
     problem,
     unavailable,
 )
+from hw_bridge.command.live_motion import LiveMotion
 from hw_bridge.command.pages import PANEL
 from hw_bridge.command.running_card import EXPIRED, jog_state, listed, parts, result, state_text
 from hw_bridge.command.typed import MOVES, settled
@@ -401,22 +402,35 @@ def test_a_move_needs_one_goal():
 
 
 def test_the_live_state_is_a_line_of_each_drive():
-    watch = SimpleNamespace(is_on=True, is_wanted=True, problem="", rows={}, latest={}, read_at=0.0)
+    watch = SimpleNamespace(is_on=True, is_wanted=True, problem="", rows={})
+    typed = SimpleNamespace(watch=watch, running=False, word="status", node="axis", motion=LiveMotion())
     watch.rows["axis"] = [("6041h Statusword", "Switch on disabled; voltage (0050h)"), ("6077h Torque", "0 A (0)")]
-    text = state_text(SimpleNamespace(watch=watch, running=False))
-    assert text == ('<p><b>axis</b><span title="6041h Statusword">state <b>Switch on disabled; voltage</b></span></p>')
+    assert state_text(typed) == (
+        '<p><b>axis</b><span title="6041h Statusword">state <b>Switch on disabled; voltage</b></span></p>'
+    )
     watch.rows["axis"] = [("no answer", "<abort>")]
-    assert "no answer <b>&lt;abort&gt;</b>" in state_text(SimpleNamespace(watch=watch, running=False))
-    watch.rows, watch.latest = {}, {"axis": [("6064h Position", "7 mm (7000), not homed")]}
-    watch.read_at = time.monotonic() - 7.0
-    text = state_text(SimpleNamespace(watch=watch, running=True))
-    assert "twin-past" in text  # grayed
-    assert "position <b>7 mm (7000), not homed</b>" in text
-    assert "7 s ago. It continues after the command." in text
-    watch.is_on = False
-    assert "off. It continues after the session." in state_text(SimpleNamespace(watch=watch, running=False))
+    assert "no answer <b>&lt;abort&gt;</b>" in state_text(typed)
+    typed.running = True
+    assert "twin hil status runs: see its output." in state_text(typed)  # nothing that was read before it
+    watch.rows, watch.is_on, typed.running = {}, False, False
+    assert "off. It continues after the session." in state_text(typed)
     watch.is_wanted, watch.problem = False, "another program on the bus reads axis."
-    assert "Live state is off: another program" in state_text(SimpleNamespace(watch=watch, running=False))
+    assert "Live state is off: another program" in state_text(typed)
+
+
+def test_the_live_state_has_the_values_of_the_command_that_moves_a_drive():
+    """One source at a time: those of the command, after it those with which it has left the drive, until the next reading."""
+    watch = SimpleNamespace(is_on=True, is_wanted=True, problem="", rows={})
+    typed = SimpleNamespace(watch=watch, running=True, word="move", node="axis", motion=LiveMotion())
+    line = "  position 7.00 mm from reference, velocity 2.00 mm/s, current 0.10 A, {}   \r"
+    typed.motion.process_output(line.format("Operation enabled"))
+    for text in ("state <b>Operation enabled<", "position <b>7.00 mm from reference<", "velocity <b>2.00 mm/s<"):
+        assert text in state_text(typed)
+    typed.motion.process_output(line.format("Switch on disabled"))
+    typed.running = False
+    assert "state <b>Switch on disabled<" in state_text(typed)
+    watch.rows = {"axis": [("6041h", "Fault")]}
+    assert state_text(typed) == '<p><b>axis</b><span title="6041h">state <b>Fault</b></span></p>'
 
 
 def test_what_one_watches_over_stands_there_in_words():
