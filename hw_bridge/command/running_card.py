@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import base64
 import re
+import textwrap
 import time
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from hw_bridge.command.bench.single_axis import AFTER_STOP
+from hw_bridge.command.bench.options import WIDTH
+from hw_bridge.command.bench.single_axis import AFTER_STOP, LIVE_VALUES
 from hw_bridge.command.bench.step import SHOWN
 from hw_bridge.command.commissioning_steps import READING
 from hw_bridge.command.progress import STOPPED, Outcome, has_lost_page, outcome
@@ -155,7 +157,7 @@ def now(page: Page) -> None:
         if last_shown.get("changed") == typed.changed:
             return
         last_shown["changed"] = typed.changed
-        text.text = typed.text if typed.running else parts(typed)[0]
+        text.text = wrapped(typed.text if typed.running else parts(typed)[0])
         kind, end.text = jog_state(typed)
         end.classes(replace=f"twin-state twin-{kind}")
         end.visible = bool(end.text)
@@ -229,7 +231,7 @@ def motion_tiles(motion: LiveMotion) -> Element:
     """State, position, velocity and current of the drive that moves."""
     from nicegui import ui
 
-    with ui.row().classes("full-width gap-4") as tiles:
+    with ui.row().classes("full-width gap-4 twin-tiles") as tiles:
         for title in TILES:
             with ui.column().classes("gap-0"):
                 with ui.row().classes("gap-1"):
@@ -284,6 +286,12 @@ def parts(typed: Typed) -> tuple[str, str]:
     """Output of the latest command, and the error that it ended with."""
     output, *errors = ERROR.split(typed.text) if typed.done and typed.done[0][2] else [typed.text]
     return output, errors[-1] if errors else ""
+
+
+def wrapped(text: str) -> str:
+    """Output with its lines of live values at the width of a terminal, as all others have."""
+    lines = text.split("\n")
+    return "\n".join(textwrap.fill(line, WIDTH) if LIVE_VALUES.match(line) else line for line in lines)
 
 
 def picture(page: Page) -> str:

@@ -150,6 +150,28 @@ def test_it_stands_within_200_ms_of_the_last_renewal(drive, served, page, how):
             assert off(line, node, 2.0)
 
 
+def test_a_telephone_has_all_in_sight_and_values_of_a_lost_server_are_the_last_known(served, page):
+    """No overflow and one line of buttons at 360 px, arrows in the order of - and +; nothing turns that has no server."""
+    jogs(page)
+    page.set_viewport_size({"width": 360, "height": 740})
+    page.wait_for_timeout(300)
+    assert page.locator(".twin-top").bounding_box()["height"] < 50
+    for paragraph in page.locator(".twin-own .twin-soft").all():
+        assert paragraph.evaluate("e => getComputedStyle(e).overflowWrap") == "anywhere"  # of a long path
+    assert page.evaluate("document.documentElement.scrollWidth") == 360
+    assert page.locator(".twin-control kbd").all_inner_texts() == ["←", "→"]
+    pinned = sum(page.locator(name).bounding_box()["height"] for name in (".twin-live", ".twin-hand"))
+    assert pinned < 0.46 * 740
+    served.process.kill()
+    page.wait_for_selector(".twin-disconnected")
+    label = "e => getComputedStyle(e, '::before').content"
+    assert "last known" in page.locator(".twin-live").evaluate(label)
+    bottom = page.locator(".twin-disconnected").bounding_box()
+    assert page.locator(".twin-live").bounding_box()["y"] >= bottom["y"] + bottom["height"]
+    assert not [one for one in page.locator(".q-spinner").all() if one.is_visible()]
+    assert not page.locator(".twin-hand > .twin-state").is_visible()  # "moves to positive positions"
+
+
 def test_the_steps_from_a_box_to_a_move(drive, page):
     with watching(drive) as line:
         node = line.drive("1", "faulhaber_v3")

@@ -16,6 +16,7 @@ from hw_bridge.command.commissioning_steps import (
     NOT_HOMED,
     READING,
     STEPS,
+    alternative,
     is_step,
     missing,
     options,
@@ -25,7 +26,7 @@ from hw_bridge.command.commissioning_steps import (
 )
 from hw_bridge.command.live_motion import LiveMotion
 from hw_bridge.command.pages import PANEL
-from hw_bridge.command.running_card import EXPIRED, jog_state, listed, parts, result, state_text
+from hw_bridge.command.running_card import EXPIRED, jog_state, listed, parts, result, state_text, wrapped
 from hw_bridge.command.typed import MOVES, settled
 from hw_bridge.commission import axis
 from hw_bridge.hardware import load
@@ -300,6 +301,17 @@ def test_a_step_waits_for_the_steps_before_it(typed):
     assert not any(map(before, steps))
     done.remove("direction, by hand")
     assert before("home") == f"Do step {directions} first."
+
+
+def test_of_two_steps_of_a_command_one_may_be_skipped():
+    push, by_hand = (step for step in STEPS if step.word == "direction")
+    assert alternative(by_hand, lambda step: step is push) is push
+    assert alternative(by_hand, lambda step: step is by_hand) is None
+
+
+def test_live_values_are_as_wide_as_the_other_output():
+    line = "> position      26.73 mm from reference, velocity  2.04 mm/s, current  0.100 A, Operation enabled   upper end   "
+    assert [len(row) <= 80 for row in wrapped(f"a: {'b' * 90}\n{line}\r").split("\n")] == [False, True, True]
 
 
 def test_a_step_that_a_drive_has_not_got_says_why(typed):
