@@ -77,8 +77,8 @@ def direction_command(
         for item in results:
             verdict = "correct direction" if item.agrees else "wrong direction" if item.moved else "not moved"
             coasts = item.moved and abs(item.farthest) > abs(item.moved)
-            coast = f"; it coasted to {axis.format_quantity(item.farthest)}" if coasts else ""
-            say(
+            coast = f"; coasted to {axis.format_quantity(item.farthest)}" if coasts else ""
+            paragraph(
                 f"{session.node.name}: push of {item.direction * item.force:+.2f} {unit}: "
                 f"{axis.format_quantity(item.moved)}, {verdict}{coast}."
             )
