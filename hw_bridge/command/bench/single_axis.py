@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -302,7 +302,8 @@ def attend(page: PageWatchdog, session: SingleAxisSession) -> None:
 def show_final(session: SingleAxisSession) -> None:
     """Show the page the values after the stop: its last ones are of the motion."""
     if page_watchdog() is not None and session.node.started:
-        show_live(session, is_page=True, is_final=True)
+        with suppress(OSError):  # the page's server has ended: the reference is recorded all the same
+            show_live(session, is_page=True, is_final=True)
 
 
 def show_live(session: SingleAxisSession, is_page: bool = False, is_final: bool = False) -> None:
