@@ -277,6 +277,11 @@ def prerequisite(step: Step, is_done: Callable[[Step], bool]) -> str:
     return f"Do step {', then '.join(missing_steps)} first." if missing_steps else ""
 
 
+def alternative(step: Step, is_done: Callable[[Step], bool]) -> Step | None:
+    """Another step of the same command that has succeeded, so that this one may be skipped; None if there is none."""
+    return next((each for each in STEPS if each.word == step.word and each != step and is_done(each)), None)
+
+
 def next_step(axis: Axis, simulated: bool, is_done: Callable[[Step], bool], begin: int = 0) -> Step | None:
     """The first step, from number `begin` on, that the drive has and of whose command none is done; None if there is none."""
     done_words = {step.word for step in STEPS if is_done(step)}

@@ -235,7 +235,7 @@ def unready(master: Master, station: Node | ModuleNode) -> Findings:
         (f"{station.name}: {group}, unchanged unless the hardware file sets it:", values)
         for group, values in inspection.groups.items()
     ]
-    findings.notes += [*inspection.notes, *softer_stop(plan)]
+    findings.notes += [*limits.defaulted(station), *inspection.notes, *softer_stop(plan)]
     findings.notes.append(stall_bounds.bound(master.keys, station.name, station.keys, station.rotary, station.mirror))
     fault = setup.faults(station)
     for text, is_absurd in limits.wider(station, limits.compare(station)):

@@ -257,6 +257,8 @@ def step_state(page: Page, command_step: Step, drive_axis: Axis) -> tuple[str, s
         return look, reason.partition(". ")[0]
     if look in ("failed", "stopped"):
         return look, "failed" if look == "failed" else "not complete"
+    if look == "open" and (other := steps.alternative(command_step, lambda each: page.is_done(each, name))):
+        return look, f"skipped: {other.title} is done"
     return look, (
         command_step.caption if done_at is None else time.strftime("done %Y-%m-%d %H:%M", time.localtime(done_at))
     )

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import base64
 import re
+import textwrap
 import time
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from hw_bridge.command.bench.single_axis import STOPPED_IN_STATE
+from hw_bridge.command.bench.options import WIDTH
+from hw_bridge.command.bench.single_axis import AFTER_STOP, LIVE_VALUES
 from hw_bridge.command.bench.step import SHOWN
 from hw_bridge.command.commissioning_steps import READING
 from hw_bridge.command.progress import STOPPED, Outcome, has_lost_page, outcome
@@ -60,21 +62,29 @@ def live_state(page: Page) -> None:
 
 
 def state_text(typed: Typed) -> str:
-    """The latest reading as HTML, a line for each node; why there is none."""
-    watch = typed.watch
+    """The latest values as HTML, a line for each node: those of the running command, or of its end until the next reading."""
+    watch, motion = typed.watch, typed.motion
+    own = motion_line(typed) if motion.state else ""
+    if typed.running:
+        return own or f'<p class="twin-soft">twin hil {escape(typed.word)} runs: see its output.</p>'
     if watch.problem:
         text = f"Live state is off: {watch.problem} The page listens again every {RETRY_PERIOD:.0f} s."
         return f'<p class="twin-warn twin-state">{escape(text)}</p>'
     if not watch.is_on:
         reason = "It continues after the session." if watch.is_wanted else "It only reads, between commands."
         return f'<p class="twin-soft">Live state is off. {reason}</p>'
-    if not watch.rows:
-        reason = "It continues after the command." if typed.running else "Listens for other programs, then reads ..."
-        if not watch.latest:
-            return f'<p class="twin-soft">{reason}</p>'
-        age = f"{time.monotonic() - watch.read_at:.0f} s ago. {reason}"
-        return f'<div class="twin-past"><p>{age}</p>{state_lines(watch.latest)}</div>'
-    return state_lines(watch.rows)
+    if watch.rows:
+        return state_lines(watch.rows)
+    return own or '<p class="twin-soft">Listens for other programs, then reads ...</p>'
+
+
+def motion_line(typed: Typed) -> str:
+    """Values that the latest command printed of its drive, as those of a reading."""
+    motion = typed.motion
+    position = f"{motion.position} {motion.origin}"
+    values = (("6041h", motion.state), ("6064h", position), ("606Ch", motion.velocity), ("6078h", motion.current))
+    title = "values of the running command" if typed.running else "values at the end of the command"
+    return state_lines({typed.node: [(f"{index} {title}", value) for index, value in values]})
 
 
 def state_lines(nodes: dict[str, list[tuple[str, str]]]) -> str:
@@ -147,7 +157,7 @@ def now(page: Page) -> None:
         if last_shown.get("changed") == typed.changed:
             return
         last_shown["changed"] = typed.changed
-        text.text = typed.text if typed.running else parts(typed)[0]
+        text.text = wrapped(typed.text if typed.running else parts(typed)[0])
         kind, end.text = jog_state(typed)
         end.classes(replace=f"twin-state twin-{kind}")
         end.visible = bool(end.text)
@@ -221,7 +231,7 @@ def motion_tiles(motion: LiveMotion) -> Element:
     """State, position, velocity and current of the drive that moves."""
     from nicegui import ui
 
-    with ui.row().classes("full-width gap-4") as tiles:
+    with ui.row().classes("full-width gap-4 twin-tiles") as tiles:
         for title in TILES:
             with ui.column().classes("gap-0"):
                 with ui.row().classes("gap-1"):
@@ -249,11 +259,11 @@ def result(typed: Typed) -> tuple[str, str]:
         count = len(labeled(typed.text, "note"))
         return ("warn", f"✓ {what}: done, {count} note{'s' * (count > 1)}") if count else ("good", f"✓ {what}: done")
     if code == STOPPED:
-        state = re.search(STOPPED_IN_STATE, typed.text)
-        drive_state = (
-            f"State of the drive: {state[1]}." if state else "It did not report the state of the drive: run status."
+        state = AFTER_STOP.search(" ".join(typed.text.split()))
+        text = (
+            f"{state[1][0].upper()}{state[1][1:]}" if state else "It did not report the state of the drive: run status."
         )
-        return "neutral", f"{what}: stopped by STOP or Esc. {drive_state}"
+        return "neutral", f"{what}: stopped by STOP or Esc. {text}"
     if has_lost_page(typed.text):
         rest = " ".join(parts(typed)[1].split()).partition(": stopped. ")[2]
         silent = f"this page did not answer for {ATTENDED:g} s (closed, reloaded or stalled)"
@@ -276,6 +286,12 @@ def parts(typed: Typed) -> tuple[str, str]:
     """Output of the latest command, and the error that it ended with."""
     output, *errors = ERROR.split(typed.text) if typed.done and typed.done[0][2] else [typed.text]
     return output, errors[-1] if errors else ""
+
+
+def wrapped(text: str) -> str:
+    """Output with its lines of live values at the width of a terminal, as all others have."""
+    lines = text.split("\n")
+    return "\n".join(textwrap.fill(line, WIDTH) if LIVE_VALUES.match(line) else line for line in lines)
 
 
 def picture(page: Page) -> str:

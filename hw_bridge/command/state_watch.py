@@ -25,15 +25,12 @@ END_TIMEOUT = 3.0  # of the process after Ctrl-C; then it is killed, which leave
 class StateWatch:
     """Reader of state, position and current while `is_on`; `pause` and `resume` it around commands. Thread-safe.
 
-    `rows`: name and value of each object by node, empty without a reading; `problem`: why there is none. `latest`: the last
-    ones, read at `read_at` [s of time.monotonic()], also after the reading has ended.
+    `rows`: name and value of each object by node, empty without a reading; `problem`: why there is none.
     """
 
     def __init__(self, file: Path, build: Path) -> None:
         self.file, self.build = file, build
         self.rows: dict[str, list[tuple[str, str]]] = {}
-        self.latest: dict[str, list[tuple[str, str]]] = {}
-        self.read_at = 0.0
         self.problem = ""
         self.is_on = False
         self.is_wanted = True  # until it is switched off
@@ -90,7 +87,6 @@ class StateWatch:
         assert process.stderr is not None
         for line in process.stdout:
             self.rows = {name: [(title, value) for title, value in rows] for name, rows in json.loads(line).items()}
-            self.latest, self.read_at = self.rows, time.monotonic()
         error = process.stderr.read()
         process.wait()
         self.rows = {}

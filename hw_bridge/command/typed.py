@@ -29,6 +29,7 @@ from hw_bridge.command.live_motion import LiveMotion
 from hw_bridge.command.progress import STOPPED, StepProgress, outcome
 from hw_bridge.command.state_watch import StateWatch
 from hw_bridge.commission import HOLD, axis
+from hw_bridge.dictionary import State
 from hw_bridge.hardware import load, resolve_bench
 from hw_bridge.master import Reference
 from twin.errors import TwinError
@@ -144,6 +145,8 @@ class Typed:
             with suppress(TwinError):  # a session has the drives
                 self.switch_watch(True)
         for name, rows in list(self.watch.rows.items()):
+            if not self.running:
+                self.motion.state = ""  # what the latest command printed of its drive is older
             for title, value in rows:
                 if title.startswith("1018h"):
                     self._identify(name, value.removesuffix("h"))
@@ -256,6 +259,8 @@ class Typed:
         process.stdout.close()
         if (code := process.wait()) == -signal.SIGINT:  # before it could handle the signal
             code, self.text = STOPPED, "interrupted before it began\n"
+        if code < 0 or self.motion.state == State.ENABLED:  # it did not print how it left the drive
+            self.motion.state = ""
         self.outputs.appendleft(self.text)
         self.done.appendleft((begin_time, self.line, code))
         names = {str(station.node): name for _, name, station in self.keys.stations()}

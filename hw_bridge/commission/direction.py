@@ -23,11 +23,12 @@ FASTEST = 0.25  # of limits.velocity: faster is running away
 
 @dataclass(frozen=True)
 class Push:
-    """A push in one direction: the force at which it moved [N or N*m], and how far [m or rad]."""
+    """A push in one direction: the force at which it moved [N or N*m], how far until the push ended, and in all [m or rad]."""
 
     direction: int
     force: float
     moved: float
+    farthest: float = 0.0
 
     @property
     def agrees(self) -> bool:
@@ -49,11 +50,12 @@ def pushes(session: SingleAxisSession, force: float) -> list[Push]:
                 raise SimulationError(
                     f"{node.name}: runs away at {node.format_length(node.velocity)}/s from a push. It stops."
                 )
-        moved = node.position - begin
+        moved = farthest = node.position - begin
         end = session.network.now + REST
         while session.network.now < end:
             session.push(0.0)
-        results.append(Push(direction, applied, moved if abs(moved) >= enough else 0.0))
+            farthest = max(farthest, node.position - begin, key=abs)
+        results.append(Push(direction, applied, moved if abs(moved) >= enough else 0.0, farthest))
     return results
 
 

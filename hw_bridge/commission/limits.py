@@ -69,6 +69,20 @@ def _own(node: Node, index: int, sub: int) -> int | None:
     return value if isinstance(value, int) else None
 
 
+def defaulted(node: Node) -> Iterator[str]:
+    """Yield a line that names the limits which the hardware file does not give, with their values."""
+    length, force = ("rad", "N*m") if node.rotary else ("m", "N")
+    units = {"position": "", "velocity": "/s", "following_error": "", "acceleration": "/s^2"}
+    texts = []
+    for name, suffix in (*units.items(), ("force", "")):
+        if name not in node.own.file.model_fields_set:
+            value, unit = getattr(node.own.file, name), force if name == "force" else f"{length}{suffix}"
+            ends = value if isinstance(value, list) else [value]
+            texts.append(f"{name}: {' to '.join(format_quantity(end, unit) for end in ends)}")
+    if texts:
+        yield f"{node.name}: not given under limits, so that defaults apply: {', '.join(texts)}. Are they right for this axis?"
+
+
 def wider(node: Node, rows: list[Row]) -> Iterator[tuple[str, bool]]:
     """Yield a line for each limit that is wider than the drive's own, and whether it is absurd."""
     for row in rows:

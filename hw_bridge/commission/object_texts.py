@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import HomingEvent, Mode, cia402, command_of, state_of
+from hw_bridge.dictionary import HomingEvent, Mode, State, cia402, command_of, state_of
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -124,6 +124,16 @@ def read_faults(client: SdoClient, faults: Mapping[int, Fault]) -> list[str]:
     for code in dict.fromkeys(filter(None, codes)):
         meaning = faults[code].meaning if code in faults else "a code of the vendor's"
         texts.append(f"{code:04X}h {meaning}. {remedy(code)}")
+    return texts
+
+
+def errors_and_history(client: SdoClient, faults: Mapping[int, Fault]) -> list[str]:
+    """Texts of `read_faults`, as earlier ones if neither the error register 1001h nor the state of the drive tells of one."""
+    texts = read_faults(client, faults)
+    with suppress(SimulationError):
+        in_fault = state_of(client.number(0x6041) & 0xFFFF) in (State.FAULT, State.REACTION)
+        if texts and not in_fault and client.number(0x1001) == 0:
+            return ["none now", *(f"earlier (1003h): {text}" for text in texts)]
     return texts
 
 

@@ -44,7 +44,7 @@ def status(node: Station, reference: Reference | None = None) -> Status:
     learn(node)
     report = Status({group: rows(node, addresses, reference) for group, addresses in GROUPS.items()})
     if isinstance(node, Node):
-        report.errors = object_texts.read_faults(node.sdo, node.profile.faults)
+        report.errors = object_texts.errors_and_history(node.sdo, node.profile.faults)
     return report
 
 

@@ -79,7 +79,7 @@ def test_the_state_is_read_between_commands_and_nothing_is_written(page, drive):
     assert not [frame for frame in requests if frame.id < 0x80 or 0x200 <= frame.id < 0x580]  # NMT, process data
     opened(page, "status")
     page.get_by_role("button", name="status").click()
-    page.wait_for_selector("text=It continues after the command.")
+    page.wait_for_selector("text=twin hil status runs: see its output.")
     said(page, "limits")
     rows.first.wait_for()
     page.get_by_role("button", name="pause live state").click()
@@ -150,6 +150,28 @@ def test_it_stands_within_200_ms_of_the_last_renewal(drive, served, page, how):
             assert off(line, node, 2.0)
 
 
+def test_a_telephone_has_all_in_sight_and_values_of_a_lost_server_are_the_last_known(served, page):
+    """No overflow and one line of buttons at 360 px, arrows in the order of - and +; nothing turns that has no server."""
+    jogs(page)
+    page.set_viewport_size({"width": 360, "height": 740})
+    page.wait_for_timeout(300)
+    assert page.locator(".twin-top").bounding_box()["height"] < 50
+    for paragraph in page.locator(".twin-own .twin-soft").all():
+        assert paragraph.evaluate("e => getComputedStyle(e).overflowWrap") == "anywhere"  # of a long path
+    assert page.evaluate("document.documentElement.scrollWidth") == 360
+    assert page.locator(".twin-control kbd").all_inner_texts() == ["←", "→"]
+    pinned = sum(page.locator(name).bounding_box()["height"] for name in (".twin-live", ".twin-hand"))
+    assert pinned < 0.46 * 740
+    served.process.kill()
+    page.wait_for_selector(".twin-disconnected")
+    label = "e => getComputedStyle(e, '::before').content"
+    assert "last known" in page.locator(".twin-live").evaluate(label)
+    bottom = page.locator(".twin-disconnected").bounding_box()
+    assert page.locator(".twin-live").bounding_box()["y"] >= bottom["y"] + bottom["height"]
+    assert not [one for one in page.locator(".q-spinner").all() if one.is_visible()]
+    assert not page.locator(".twin-hand > .twin-state").is_visible()  # "moves to positive positions"
+
+
 def test_the_steps_from_a_box_to_a_move(drive, page):
     with watching(drive) as line:
         node = line.drive("1", "faulhaber_v3")
@@ -163,6 +185,8 @@ def test_the_steps_from_a_box_to_a_move(drive, page):
         page.get_by_role("button", name="home", exact=True).click()
         said(page, "homed at -40 mm")
         said(page, "stopped and disabled")
+        page.wait_for_selector(".twin-live >> text=-39.00 mm from reference")  # at once, and as it was left
+        assert page.locator(".twin-live").inner_text().count("Switch on disabled") == 1
         begin = place_now(line, node)
         opened(page, "move")
         page.get_by_label("by", exact=True).locator("visible=true").first.fill("0 2 mm")
@@ -170,6 +194,7 @@ def test_the_steps_from_a_box_to_a_move(drive, page):
         assert page.get_by_role("button", name="move", exact=True).is_disabled()
         page.get_by_label("by", exact=True).locator("visible=true").first.fill("2 mm")
         page.get_by_role("button", name="move", exact=True).click()
+        page.wait_for_selector(".twin-live >> text=Operation enabled")  # the command's own values
         said(page, "from -39.00 mm to -37.00 mm")  # from the reference
         said(page, "is at -37.00 mm")
         said(page, "stopped and disabled")
@@ -198,6 +223,7 @@ def test_a_move_that_no_page_shows_any_more_ends(drive, page):
         opened(page, "move")
         page.get_by_label("by", exact=True).locator("visible=true").first.fill("9 mm")
         page.get_by_role("button", name="move", exact=True).click()
+        page.wait_for_selector(".twin-live >> text=Operation enabled")  # the command's own values
         said(page, "from 0.00 mm to 9.00 mm")
         begin = place(node)
         page.close()

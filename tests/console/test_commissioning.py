@@ -16,6 +16,7 @@ from hw_bridge.command.commissioning_steps import (
     NOT_HOMED,
     READING,
     STEPS,
+    alternative,
     is_step,
     missing,
     options,
@@ -23,8 +24,9 @@ from hw_bridge.command.commissioning_steps import (
     problem,
     unavailable,
 )
+from hw_bridge.command.live_motion import LiveMotion
 from hw_bridge.command.pages import PANEL
-from hw_bridge.command.running_card import EXPIRED, jog_state, listed, parts, result, state_text
+from hw_bridge.command.running_card import EXPIRED, jog_state, listed, parts, result, state_text, wrapped
 from hw_bridge.command.typed import MOVES, settled
 from hw_bridge.commission import axis
 from hw_bridge.hardware import load
@@ -171,10 +173,12 @@ def test_an_orderly_end_and_a_stop(typed):
     one.console.stop()  # what STOP does
     until(lambda: not one.running)
     assert "interrupted" in one.text
-    assert result(one) == (
-        "neutral",
-        "enable axis: stopped by STOP or Esc. State of the drive: Switch on disabled.",
+    kind, text = result(one)
+    assert kind == "neutral"
+    assert re.fullmatch(
+        r"enable axis: stopped by STOP or Esc\. Power is off \(Switch on disabled\), at \S+ mm from start\.", text
     )
+    assert (one.motion.state, one.motion.direction) == ("Switch on disabled", "")
     assert one.done[0][2] == 130
 
 
@@ -299,6 +303,17 @@ def test_a_step_waits_for_the_steps_before_it(typed):
     assert before("home") == f"Do step {directions} first."
 
 
+def test_of_two_steps_of_a_command_one_may_be_skipped():
+    push, by_hand = (step for step in STEPS if step.word == "direction")
+    assert alternative(by_hand, lambda step: step is push) is push
+    assert alternative(by_hand, lambda step: step is by_hand) is None
+
+
+def test_live_values_are_as_wide_as_the_other_output():
+    line = "> position      26.73 mm from reference, velocity  2.04 mm/s, current  0.100 A, Operation enabled   upper end   "
+    assert [len(row) <= 80 for row in wrapped(f"a: {'b' * 90}\n{line}\r").split("\n")] == [False, True, True]
+
+
 def test_a_step_that_a_drive_has_not_got_says_why(typed):
     one = typed()
     steps = {step.title: step for step in STEPS}
@@ -399,22 +414,35 @@ def test_a_move_needs_one_goal():
 
 
 def test_the_live_state_is_a_line_of_each_drive():
-    watch = SimpleNamespace(is_on=True, is_wanted=True, problem="", rows={}, latest={}, read_at=0.0)
+    watch = SimpleNamespace(is_on=True, is_wanted=True, problem="", rows={})
+    typed = SimpleNamespace(watch=watch, running=False, word="status", node="axis", motion=LiveMotion())
     watch.rows["axis"] = [("6041h Statusword", "Switch on disabled; voltage (0050h)"), ("6077h Torque", "0 A (0)")]
-    text = state_text(SimpleNamespace(watch=watch, running=False))
-    assert text == ('<p><b>axis</b><span title="6041h Statusword">state <b>Switch on disabled; voltage</b></span></p>')
+    assert state_text(typed) == (
+        '<p><b>axis</b><span title="6041h Statusword">state <b>Switch on disabled; voltage</b></span></p>'
+    )
     watch.rows["axis"] = [("no answer", "<abort>")]
-    assert "no answer <b>&lt;abort&gt;</b>" in state_text(SimpleNamespace(watch=watch, running=False))
-    watch.rows, watch.latest = {}, {"axis": [("6064h Position", "7 mm (7000), not homed")]}
-    watch.read_at = time.monotonic() - 7.0
-    text = state_text(SimpleNamespace(watch=watch, running=True))
-    assert "twin-past" in text  # grayed
-    assert "position <b>7 mm (7000), not homed</b>" in text
-    assert "7 s ago. It continues after the command." in text
-    watch.is_on = False
-    assert "off. It continues after the session." in state_text(SimpleNamespace(watch=watch, running=False))
+    assert "no answer <b>&lt;abort&gt;</b>" in state_text(typed)
+    typed.running = True
+    assert "twin hil status runs: see its output." in state_text(typed)  # nothing that was read before it
+    watch.rows, watch.is_on, typed.running = {}, False, False
+    assert "off. It continues after the session." in state_text(typed)
     watch.is_wanted, watch.problem = False, "another program on the bus reads axis."
-    assert "Live state is off: another program" in state_text(SimpleNamespace(watch=watch, running=False))
+    assert "Live state is off: another program" in state_text(typed)
+
+
+def test_the_live_state_has_the_values_of_the_command_that_moves_a_drive():
+    """One source at a time: those of the command, after it those with which it has left the drive, until the next reading."""
+    watch = SimpleNamespace(is_on=True, is_wanted=True, problem="", rows={})
+    typed = SimpleNamespace(watch=watch, running=True, word="move", node="axis", motion=LiveMotion())
+    line = "  position 7.00 mm from reference, velocity 2.00 mm/s, current 0.10 A, {}   \r"
+    typed.motion.process_output(line.format("Operation enabled"))
+    for text in ("state <b>Operation enabled<", "position <b>7.00 mm from reference<", "velocity <b>2.00 mm/s<"):
+        assert text in state_text(typed)
+    typed.motion.process_output(line.format("Switch on disabled"))
+    typed.running = False
+    assert "state <b>Switch on disabled<" in state_text(typed)
+    watch.rows = {"axis": [("6041h", "Fault")]}
+    assert state_text(typed) == '<p><b>axis</b><span title="6041h">state <b>Fault</b></span></p>'
 
 
 def test_what_one_watches_over_stands_there_in_words():

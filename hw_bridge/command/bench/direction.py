@@ -76,9 +76,11 @@ def direction_command(
         unit = "N m" if session.node.rotary else "N"
         for item in results:
             verdict = "correct direction" if item.agrees else "wrong direction" if item.moved else "not moved"
-            say(
+            coasts = item.moved and abs(item.farthest) > abs(item.moved)
+            coast = f"; coasted to {axis.format_quantity(item.farthest)}" if coasts else ""
+            paragraph(
                 f"{session.node.name}: push of {item.direction * item.force:+.2f} {unit}: "
-                f"{axis.format_quantity(item.moved)}, {verdict}."
+                f"{axis.format_quantity(item.moved)}, {verdict}{coast}."
             )
     if any(item.moved and not item.agrees for item in results):
         paragraph(WRONG)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 PAGE = "hw_bridge.attendance"  # of click's context
 SERIAL = "hw_bridge.serial"  # of click's context
 REFERENCE, START = "reference", "start"  # what positions count from, where the command line says so
+REPEATED = ("jog", "enable", "direction")  # their next command after a stop is the same; of a target it may be another
 REFERENCE_VALID = "The reference is kept."  # after a stop
 LINE_PERIOD = 100_000_000  # of the line with live values in a terminal [ns]
 PAGE_PERIOD = 50_000_000  # and on a page, which draws them [ns]
@@ -32,7 +33,9 @@ LIVE_VALUES = re.compile(  # what `show_live` prints for a page
     r"(?P<mark>[<> ]) position +(?P<position>\S+) (?P<unit>\S+) (?P<origin>[a-z ]+), velocity +(?P<velocity>\S+ \S+), "
     r"current +(?P<current>\S+) A, (?P<state>.+?)   "
 )
-STOPPED_IN_STATE = r": stopped, in (.*)\."  # last line of an interrupted command, which a page shows
+AFTER_STOP = re.compile(  # state, position and reference in the text of `after_stop`, which a page shows
+    r": ((?:power is off|last state) .*?)(?:;| Next| warning: | interrupted|$)"
+)
 
 
 def attach_page_watchdog(context: click.Context, _option: click.Parameter, end: int | None) -> None:
@@ -199,20 +202,23 @@ def reported_end(
     bus: BusChoice, session: SingleAxisSession, reference: Reference, homes: bool, was_homed: bool
 ) -> Iterator[None]:
     """Print how the block ended: the drive's state and reference, what was recovered, and the master's warnings."""
-    name = session.node.name
-    home = "" if not (homes or was_homed) else command_line(bus, "home", name)
-    lost = home and f"{'The reference is lost' if was_homed else 'It is not homed'}: {home}"
+    name, keys = session.node.name, hardware(bus)
+    can_home = homes or was_homed or (keys.nodes[name].homing is not None and not keys.simulated)
+    lost = f"{'The reference is lost' if was_homed else 'It is not homed'}: {command_line(bus, 'home', name)}"
+    lost = lost if can_home else ""
     try:
         yield
+        show_final(session)
         if not save_reference(session, reference, was_homed) and lost:
             say(f"{name}: {lost}")
     except KeyboardInterrupt:
+        show_final(session)
         say()  # a jog leaves its last line open
-        say(f"{name}: stopped, in {session.node.state}.")
-        if text := REFERENCE_VALID if save_reference(session, reference, was_homed) else lost:
-            paragraph(text)
+        text = REFERENCE_VALID if save_reference(session, reference, was_homed) else lost
+        paragraph(after_stop(bus, session, text, "").strip() or f"{name}: stopped before power.")
         raise
     except SimulationError as error:
+        show_final(session)
         if page_watchdog() is not None:
             say()  # the error does not overwrite the last live values
         text = REFERENCE_VALID if save_reference(session, reference, was_homed) else lost
@@ -260,8 +266,13 @@ def save_reference(session: SingleAxisSession, reference: Reference, was_homed: 
     return node.has_reference
 
 
-def after_stop(bus: BusChoice, session: SingleAxisSession, reference: str) -> str:
-    """Return the state in which a failed motion has left the drive, and the next command; empty if it was never reached."""
+def after_stop(
+    bus: BusChoice, session: SingleAxisSession, reference: str, condition: str = ", once the cause is removed"
+) -> str:
+    """Return the state in which a motion that did not end by itself has left the drive, and the next command.
+
+    Empty if the drive was never reached. A motion to a target is not recommended again: it may count from another position.
+    """
     from hw_bridge.dictionary import State, cia402
 
     node = session.node
@@ -269,13 +280,16 @@ def after_stop(bus: BusChoice, session: SingleAxisSession, reference: str) -> st
         return ""
     if node.state not in cia402.AT_REST or session.master.notes:
         return f" {node.name}: last state {node.state}. Check it before you touch it. {reference}".rstrip()
-    in_fault = node.state is State.FAULT
-    command = f"twin hil reset {bus.hardware}" if in_fault else command_line(bus, "jog", node.name)
+    word = click.get_current_context().info_name
+    command = f"twin hil status {node.name} -f {bus.hardware}"
+    if node.state is State.FAULT:
+        command = f"twin hil reset {bus.hardware}"
+    elif word in REPEATED:
+        command = command_line(bus, word, node.name)
     position = f"{node.format_length(node.position)} {session.origin}"
     return (
         f" {node.name}: power is off ({node.state}), at {position}. {reference}"
-        f"{'; next' if reference and not reference.endswith('.') else ' Next' if reference else 'Next'}, once the cause is "
-        f"removed: {command}"
+        f"{'; next' if reference and not reference.endswith('.') else ' Next' if reference else 'Next'}{condition}: {command}"
     )
 
 
@@ -285,21 +299,28 @@ def attend(page: PageWatchdog, session: SingleAxisSession) -> None:
     show_live(session, is_page=True)
 
 
-def show_live(session: SingleAxisSession, is_page: bool = False) -> None:
+def show_final(session: SingleAxisSession) -> None:
+    """Show the page the values after the stop: its last ones are of the motion."""
+    if page_watchdog() is not None and session.node.started:
+        with suppress(OSError):  # the page's server has ended: the reference is recorded all the same
+            show_live(session, is_page=True, is_final=True)
+
+
+def show_live(session: SingleAxisSession, is_page: bool = False, is_final: bool = False) -> None:
     """Print position, velocity, current and the session's note on one line, again and again; on a page also the state."""
     node, now = session.node, session.network.now
-    if now < session.next_line or (is_page and session.counts_anew()):
+    if not is_final and (now < session.next_line or (is_page and session.counts_anew())):
         return
     session.next_line = now + (PAGE_PERIOD if is_page else LINE_PERIOD)
-    mark = {1: ">", -1: "<"}.get((session.ramp.velocity > 0) - (session.ramp.velocity < 0), " ")
-    position, speed = node.format_length(node.position), f"{node.format_length(session.mean_velocity())}/s"
+    speed = 0.0 if is_final else session.ramp.velocity
+    mark = {1: ">", -1: "<"}.get((speed > 0) - (speed < 0), " ")
+    velocity = node.velocity if is_final else session.mean_velocity()
+    position, speed_text = node.format_length(node.position), f"{node.format_length(velocity)}/s"
     current = node.current
     if is_page:
-        values = (
-            f"position {position:>10} {session.origin}, velocity {speed:>9}, current {current:6.3f} A, {node.state}"
-        )
+        values = f"position {position:>10} {session.origin}, velocity {speed_text:>9}, current {current:6.3f} A, {node.state}"
     else:
-        values = f"{position:>14} {speed:>14} {current:8.2f} A"
+        values = f"{position:>14} {speed_text:>14} {current:8.2f} A"
     sys.stdout.write(f"\r{mark} {values}   {session.note:<27}{chr(13) if is_page else ''}")
     sys.stdout.flush()
 

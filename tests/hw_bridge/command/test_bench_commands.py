@@ -217,10 +217,10 @@ def test_a_place_is_held_for_a_time(run, duration, rests):
     ("pushes", "code", "texts"),
     [
         (
-            [Push(1, 1.5, 64e-6), Push(-1, 1.25, -64e-6)],
+            [Push(1, 1.5, 64e-6, 0.14e-3), Push(-1, 1.25, -64e-6, -64e-6)],
             0,
             [
-                "axis: push of +1.50 N: 0.064 mm, correct direction.",
+                "axis: push of +1.50 N: 0.064 mm, correct direction; coasted to 0.14 mm.",
                 "axis: push of -1.25 N: -0.064 mm, correct direction.",
                 "The encoder and motor have the same sign.",
             ],

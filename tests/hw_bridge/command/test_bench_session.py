@@ -4,6 +4,7 @@ Over 400 lines: one recorded session serves all commands.
 """
 
 import json
+import re
 from contextlib import contextmanager
 from math import nan
 from types import SimpleNamespace
@@ -22,6 +23,7 @@ from hw_bridge.hardware import load
 from tests.hw_bridge.unconnected import unconnected_node
 from twin.errors import SimulationError
 
+SOFTWARE_BUS = "interface: udp_multicast\nchannel: 239.74.163.2"
 HOMING = ", homing: {method: 37}"
 LIMITS = "{position: [-20 mm, 30 mm], velocity: 100 mm/s, following_error: 2 mm}"
 FILE = f"simulated: true\nnodes:\n  axis: {{node: 3, profile: faulhaber_v3, limits: {LIMITS}HOMING}}\n"
@@ -94,11 +96,11 @@ def session(tmp_path, monkeypatch):
     monkeypatch.setattr("hw_bridge.master.Reference", Reference)
     monkeypatch.setattr(single_axis, "check_before_power", lambda *given: calls.append("checked"))
 
-    def enter(homing=True, inside=lambda opened: None, **options):
+    def enter(homing=True, inside=lambda opened: None, word="move", **options):
         file = tmp_path / "bench.yaml"
         file.write_text(FILE.replace("HOMING", HOMING if homing else ""))
         bus = BusChoice(file, None, None, 1_000_000, {}, None, tmp_path)
-        context = click.Context(click.Command("x"))
+        context = click.Context(click.Command(word), info_name=word)
         if state.page is not None:
             context.meta[single_axis.PAGE] = state.page
         axis = Axis("axis", load(file).nodes["axis"], False)
@@ -175,19 +177,19 @@ def test_warnings_of_a_session_are_an_error_at_its_end(session, capsys):
             State.DISABLED,
             False,
             "",
-            "The reference is kept. Next, once the cause is removed: twin hil jog axis -f FILE",
+            "The reference is kept. Next, once the cause is removed: twin hil status axis -f FILE",
         ),
         (
             State.DISABLED,
             False,
             "none",
-            "at 0.02 from reference. Next, once the cause is removed: twin hil jog axis -f FILE",
+            "at 0.02 from reference. Next, once the cause is removed: twin hil status axis -f FILE",
         ),
         (
             State.DISABLED,
             True,
             "",
-            "lost: twin hil home axis -f FILE; next, once the cause is removed: twin hil jog axis -f FILE",
+            "lost: twin hil home axis -f FILE; next, once the cause is removed: twin hil status axis -f FILE",
         ),
         (
             State.FAULT,
@@ -214,6 +216,9 @@ def test_a_motion_that_failed_says_how_it_left_the_drive(session, tmp_path, stat
         session.enter(inside=fail)
     assert str(caught.value).endswith(end.replace("FILE", str(tmp_path / "bench.yaml")))
     assert (("save", "axis") in session.calls) == ("kept" in end)
+    if state is State.DISABLED:
+        with pytest.raises(SimulationError, match="removed: twin hil jog axis -f "):
+            session.enter(inside=fail, word="jog")
 
 
 @pytest.mark.parametrize("refusal", ["its scale is ASSUMED", "no position"])
@@ -254,27 +259,38 @@ def test_an_interrupted_motion_says_whether_the_reference_is_kept(session, capsy
     for is_lost, problem, options, text in (
         (False, "", {}, "The reference is kept."),
         (True, "", {}, "The reference is lost: twin hil home axis -f "),
-        (False, "none", {}, ""),  # it never had one
+        (False, "none", {}, "Next: twin hil jog axis -f "),  # a simulated one is switched on anew
         (True, "none", {"homes": True}, "It is not homed: twin hil home axis -f "),
     ):
         session.is_lost, session.problem = is_lost, problem
         with pytest.raises(KeyboardInterrupt):
-            session.enter(inside=interrupt, **options)
-        assert " ".join(capsys.readouterr().out.split()).startswith(
-            f"axis: stopped, in Switch on disabled. {text}".rstrip()
-        )
+            session.enter(inside=interrupt, word="jog", **options)
+        output = " ".join(capsys.readouterr().out.split())
+        assert output.startswith(f"axis: power is off (Switch on disabled), at 0.02 from reference. {text}")
+        assert re.search("[Nn]ext: twin hil jog axis -f ", output)
         session.calls.clear()
 
 
-def test_a_motion_that_failed_on_a_page_leaves_its_live_values(session, capsys):
+def test_a_drive_that_is_not_homed_says_so_at_each_stop(session, capsys, monkeypatch):
+    session.problem = "none"
+    monkeypatch.setattr(
+        "tests.hw_bridge.command.test_bench_session.FILE", FILE.replace("simulated: true", SOFTWARE_BUS)
+    )
+    monkeypatch.setattr(single_axis, "say_origin", lambda *_: None)
+    session.enter()
+    assert capsys.readouterr().out.startswith("axis: It is not homed: twin hil home axis -f ")
+
+
+def test_a_motion_that_failed_on_a_page_leaves_its_live_values(session, capsys, monkeypatch):
     def fail(_opened):
         raise SimulationError("jammed")
 
     session.notes.append("note")
     session.page = SimpleNamespace(look=None)
+    monkeypatch.setattr(single_axis, "show_live", lambda held, is_page, is_final: print("\r at rest\r", end=""))
     with pytest.raises(SimulationError, match="jammed axis: last state"):
         session.enter(inside=fail)
-    assert capsys.readouterr().out == "node 3 (drive axis): serial 7h\n\nwarning: note\n"
+    assert capsys.readouterr().out == "node 3 (drive axis): serial 7h\n\r at rest\r\nwarning: note\n"
 
 
 @pytest.mark.parametrize(("expected", "is_refused"), [(None, False), ("1", False), ("2B", True)])
@@ -295,10 +311,10 @@ def test_another_drive_than_the_one_of_the_steps_is_refused(expected, is_refused
 def test_a_page_is_looked_at_in_every_cycle_and_sees_live_values(session, monkeypatch):
     looks = []
     session.page = SimpleNamespace(look=lambda: looks.append("look"))
-    monkeypatch.setattr(single_axis, "show_live", lambda held, is_page: looks.append((held.node, is_page)))
+    monkeypatch.setattr(single_axis, "show_live", lambda held, **options: looks.append((held.node, options)))
     held = session.enter()
     held.master.attend()
-    assert looks == ["look", (held.node, True)]
+    assert looks == [(held.node, {"is_page": True, "is_final": True}), "look", (held.node, {"is_page": True})]
     assert held.paced
 
 
@@ -330,6 +346,10 @@ def test_the_line_of_a_jog(capsys, speed, mark):
     line = capsys.readouterr().out
     values = "position    1.00 mm from start, velocity -1.49 mm/s, current  0.256 A, Quick stop active"
     assert line == f"\r{mark} {values}   upper end (--distance)     \r"
+    single_axis.show_live(
+        held, is_page=True, is_final=True
+    )  # at once, and as it stands: the ramp may have been cut short
+    assert "\r  position    1.00 mm from start, velocity -2.00 mm/s" in capsys.readouterr().out
     assert single_axis.LIVE_VALUES.match(line[1:]).groupdict() == {
         "mark": mark,
         "position": "1.00",

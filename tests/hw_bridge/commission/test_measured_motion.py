@@ -106,6 +106,21 @@ def test_the_direction_of_an_encoder(sign, agrees):
     assert session.forces[85:88] == pytest.approx([0.0, -0.02, -0.04])
 
 
+def test_a_motor_coasts_after_a_push():
+    """By 16 um in the first cycle without a force."""
+    session = Push()
+    push = session.push
+
+    def coasting_push(force):
+        begins_to_coast = force == 0.0 and session.forces and session.forces[-1] > 0.0
+        push(force)
+        session.node.raw_position += 16 if begins_to_coast else 0
+
+    session.push = coasting_push
+    found = direction.pushes(session, 2.0)
+    assert [push.farthest - push.moved for push in found] == pytest.approx([16e-6, 0.0], abs=1e-9)
+
+
 def test_a_push_that_moves_nothing():
     found = direction.pushes(Push(threshold=5.0), 2.0)
     assert [(push.force, push.moved, push.agrees) for push in found] == [(2.0, 0.0, False)] * 2

@@ -6,7 +6,7 @@ import pytest
 
 from hw_bridge.commission import dcf, nvm, status
 from hw_bridge.commission.inspection import inspect
-from hw_bridge.commission.limits import compare
+from hw_bridge.commission.limits import compare, defaulted
 from hw_bridge.commission.objects import find, format_value, name, parse_value, to_raw
 from hw_bridge.commission.sdo_session import assert_not_driven, pending_error
 from hw_bridge.dictionary import State
@@ -113,6 +113,13 @@ def test_limits_of_a_drive_beside_those_of_the_file():
     ]
     node.rotary = True
     assert [row.unit for row in compare(node)] == ["rad/s", "rad/s", "rad", "rad", "N*m"]
+
+
+def test_limits_that_a_file_does_not_give_are_named():
+    given = {"position": ["-1 mm", "1 mm"], "velocity": "1 mm/s", "acceleration": "1 m/s^2"}
+    (text,) = defaulted(unconnected_node(limits=given))
+    assert "following_error: 5 mm, force: 15 N. Are" in text
+    assert list(defaulted(unconnected_node(limits={**given, "force": "15 N", "following_error": "1 mm"}))) == []
 
 
 @every_case(
@@ -336,6 +343,20 @@ def test_an_error_of_communication_that_is_left(register, code, text):
     node = unconnected_node(values={(0x1001, 0): register, (0x603F, 0): code})
     assert pending_error(node).startswith(text)
     assert bool(pending_error(node)) is bool(text)
+
+
+@pytest.mark.parametrize(
+    ("register", "state", "begin"),
+    [
+        (0, State.DISABLED, ["none now", "earlier (1003h): 8130h"]),
+        (0x11, State.DISABLED, ["8130h"]),
+        (0, State.FAULT, ["8130h"]),
+    ],
+)
+def test_an_error_that_was_reset_is_an_earlier_one(register, state, begin):
+    values = {(0x1001, 0): register, (0x1003, 0): 1, (0x1003, 1): 0x8130, (0x6041, 0): WORDS[state]}
+    errors = status(unconnected_node(values=values)).errors
+    assert [text[: len(start)] for text, start in zip(errors, begin, strict=True)] == begin
 
 
 def test_parameters_are_stored_and_restored_by_their_signatures(tmp_path):

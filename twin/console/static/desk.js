@@ -59,7 +59,7 @@ export default {
     <div v-for="one in controls" :key="one.name" class="twin-control" :title="one.about">
       <button type="button" class="way" :disabled="!operator" v-if="one.kind === 'hold'" :aria-label="one.label + ' back'"
               @pointerdown.prevent="push($event, one, -1)" @pointerup="pull(one)" @pointercancel="pull(one)" @lostpointercapture="pull(one)">−</button>
-      <span class="name">{{ one.label }} <kbd v-for="key in one.keys.filter(Boolean)" :key="key">{{ short(key) }}</kbd></span>
+      <span class="name">{{ one.label }} <kbd v-for="key in one.keys.filter(Boolean).reverse()" :key="key">{{ short(key) }}</kbd></span>
       <b class="twin-figures">{{ figure(one) }}</b>
       <button type="button" class="way" :disabled="!operator" :aria-label="one.label" @pointerdown.prevent="push($event, one, 1)"
               @pointerup="pull(one)" @pointercancel="pull(one)" @lostpointercapture="pull(one)">{{ one.kind === "hold" ? "+" : "press" }}</button>
