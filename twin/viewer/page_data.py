@@ -11,7 +11,7 @@ from twin.results import MetricFormat, MetricResult, common_seeds, expression, m
 from twin.viewer import following
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from twin.viewer.runs import RunCollection
     from twin.viewer.verdicts import ExpectationView, Verdicts
@@ -110,12 +110,12 @@ def compare_metrics(verdicts: Sequence[Verdicts]) -> list[dict[tuple[str, str], 
     """Return the metrics of each run by name and variant: of several runs over their common seeds, with common digits."""
     runs = [{(result.metric.name, result.variant): result for result in own.results()} for own in verdicts]
     keys = list(dict.fromkeys(key for run in runs for key in run))
-    pools = {
+    pools: dict[tuple[str, str], list[Mapping[int, Any]]] = {
         key: [run[key].values if key in run else own.seeds(key[1]) for run, own in zip(runs, verdicts, strict=True)]
         for key in keys
     }
     seeds = {
-        key: common_seeds(*filter(None, pool)) for key, pool in pools.items()
+        key: common_seeds(*(own for own in pool if own)) for key, pool in pools.items()
     }  # one rule where a run lacks a metric
     is_part = {key: any(key in run and len(run[key].values) > len(seeds[key]) for run in runs) for key in keys}
     common = [
