@@ -307,15 +307,19 @@ def test_runs_of_unequal_cases(compared):
         Missing("case", "second", tuple(f"PI, seed {i}" for i in range(2, 9))),
         Missing("signal", "first", ("a.x",)),
     ]
-    verdicts = [VerdictChange(name, "skipped", "pass") for name in "abc"] + [VerdictChange("rate", "other", "pass")]
+    verdicts = [VerdictChange(name, "skipped", "pass") for name in "abc"] + [
+        VerdictChange("rate", "other", "pass"),
+        VerdictChange("size", "pass", "cut"),
+    ]
     changes = [MetricChange("slow", "PI", "N", 1.0, 1.1), MetricChange("fast", "PI", "N", 0.01, 0.5)]
     lines = compared((), missing=missing, verdicts=verdicts, changes=changes)[1]
     assert lines[0].startswith("7 cases only in the second run: PI, seed 2;")
-    assert lines[1:3] == [
+    assert lines[1:4] == [
         'other settings -> pass: 1 verdict: "rate"',
+        'pass -> run too short: 1 verdict: "size"',
         "3 requirements are judged in one run only.",
     ]
-    assert [line.split()[0] for line in lines[5:7]] == ["fast", "slow"]  # by relative change
+    assert [line.split()[0] for line in lines[6:8]] == ["fast", "slow"]  # by relative change
     assert lines[-1] == "1 signal only in the first run: a.x"
 
 

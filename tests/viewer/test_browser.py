@@ -4,6 +4,7 @@ Over 400 lines: one server and its runs serve all tests.
 """
 
 import json
+import re
 import shutil
 
 import numpy as np
@@ -121,7 +122,7 @@ def test_plots_begin_in_their_window_with_their_variants(browser, tmp_path):
         assert page.state["window"] == [0, 0.25]
         page.page.locator("#all").click()
         assert page.state["window"] is None
-        page.page.set_viewport_size({"width": 1280, "height": 740})
+        page.page.set_viewport_size({"width": 1280, "height": 480})
         page.page.get_by_role("button", name="Split").click()
         page.drawn()
         first, stage = (page.page.locator(name).bounding_box() for name in (".twin-legend >> nth=3", "#stage"))
@@ -191,11 +192,27 @@ def test_a_name_is_completed_and_kinds_of_plots_are_at_the_top(open_page):
     assert page.page.locator(".matches:visible").count() == 0
     assert [one["title"] for one in page.curves()] == ["heart.position", "Spectrum of abs(heart.velocity)"]
     page.page.get_by_label("kind of plot").select_option("xy")
+    assert field.get_attribute("placeholder") == "signal"  # a longer one was cut
     field.fill("heart.position")
     page.page.get_by_label("signal of the x axis").fill("heart.velocity")
     page.page.get_by_label("signal of the x axis").press("Enter")
     page.page.wait_for_function("document.getElementById('signal').value === ''")
-    assert page.curves()[-1]["title"] == "heart.position over heart.velocity"
+    whole, loop = page.curves()[1:]
+    assert loop["title"] == "heart.position over heart.velocity"
+    page.page.evaluate(
+        "const { chart } = document.getElementById('chart'); chart.cursors = [0.5, 1]; chart.notifyCursors()"
+    )
+    page.page.locator(".twin-legend", has_text="Spectrum").filter(
+        has_text=re.compile(r"0\.50* to 1\.?0* s, seed 1")
+    ).wait_for()
+    part = page.curves()[1]  # a spectrum is of the time between the cursors
+    assert part["curves"][0]["x"][0] > 3.0 * whole["curves"][0]["x"][0]
+    texts = page.page.evaluate("""() => { const { chart } = document.getElementById("chart"), texts = [], { prototype } = CanvasRenderingContext2D, { fillText } = prototype;
+        prototype.fillText = function (text) { texts.push(text); };
+        chart.draw();
+        prototype.fillText = fillText;
+        return texts; }""")
+    assert {"t1 A: slow", "t2 B: fast"} <= set(texts)  # points of a loop say of which curve they are
 
 
 def test_a_completion_list_closes_with_add(open_page):
@@ -508,4 +525,29 @@ def test_a_failed_analysis_opens_with_its_worst_window_and_says_what_it_hides(br
             (True, 1),
         ]
         assert page.wrong == []
+        context.close()
+
+
+def test_a_run_that_ends_early_is_marked_and_requirements_that_differ_come_first(browser, folders, tmp_path):
+    """B is too short for its metric, whose value is of another window than that of A."""
+    folder = beats(
+        tmp_path,
+        BEATS.replace("stop_time: 2 s", "stop_time: 1.5 s").replace("from: 0.5 s, unit", "from: 0.5 s, to: 2 s, unit"),
+    )
+    summary = json.loads((folder / "summary.json").read_text())
+    summary["expectations"][1]["verdict"] = "skipped"
+    (folder / "summary.json").write_text(json.dumps(summary))
+    with viewed(folders[0], folder) as address:
+        context = browser.new_context(viewport={"width": 1400, "height": 900})
+        page = Page(context, address).page
+        assert page.locator("#metrics summary").inner_text().endswith("; B: ends at 1.5 s, before 2 s")
+        cells = page.locator("#metrics tr").nth(1).locator("td").all_inner_texts()
+        assert (cells[2].endswith("run too short"), cells[3]) == (True, "\N{EN DASH}")
+        kinds = page.locator("#expectations div > details > summary").all_inner_texts()
+        assert kinds == ["differs (1)", "failed in both (1)"]
+        differs = page.locator("#expectations div > details").first
+        assert differs.locator(".outcome").inner_text().split()[:4] == ["A", "pass", "B", "skipped"]
+        page.locator("#all").click()
+        part = page.locator("#values tr", has_text="B: slow").locator("small")
+        part.filter(has_text="to 1.5 s, 602 samples").wait_for()  # of two seeds
         context.close()

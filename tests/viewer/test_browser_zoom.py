@@ -119,6 +119,26 @@ def test_the_wheel_zooms_time_and_frequency_up_to_their_ends(open_page):
     assert page.state["panes"][1]["domain"] == pytest.approx(ends, rel=1e-3)
 
 
+def test_three_panes_are_seen_together_and_the_scene_opens_when_it_plays(browser, folders):
+    names = [word for name in ("position", "velocity", "beats") for word in ("--signal", f"heart.{name}")]
+    with viewed(*folders, *names) as address:
+        context = browser.new_context(viewport={"width": 1400, "height": 900})
+        page = Page(context, address)
+        page.page.wait_for_timeout(500)
+        stage, chart = (page.page.locator(name).bounding_box() for name in ("#stage", "#chart canvas"))
+        assert chart["y"] + chart["height"] <= stage["y"] + stage["height"] + 8
+        boxes = page.page.evaluate("document.getElementById('chart').chart.boxes.map(({ height }) => height)")
+        assert (len(boxes), min(boxes) >= 80) == (3, True)
+        heights = [names.bounding_box()["height"] for names in page.page.locator(".twin-legend .twin-names").all()]
+        assert max(heights) < 24  # a line
+        scene = page.page.locator("#scene")
+        assert scene.get_attribute("open") is None
+        page.page.get_by_label("play", exact=True).click()
+        assert scene.get_attribute("open") is not None
+        assert page.wrong == []
+        context.close()
+
+
 @pytest.mark.parametrize(("height", "is_low"), [(900, False), (600, True)])
 def test_two_panes_with_their_times_are_seen_together(browser, tmp_path, height, is_low):
     plots = "  - {title: Fast, signals: [heart.velocity], unit: mm/s}\n"
@@ -176,7 +196,7 @@ def test_the_vertical_axis_fits_the_curves_and_an_x_y_plot_shows_times(browser, 
             Object.assign(CanvasRenderingContext2D.prototype, { fillText, arc });
             const { across } = chart.boxes[1];
             return [texts, circles.map(([x]) => across.inverse(x))]; }""")
-        assert "band 2 \N{UPWARDS ARROW}" in drawn[0]
+        assert page.page.locator(".twin-beyond").first.inner_text().endswith("band 2 \N{UPWARDS ARROW}")
         assert drawn[1] == pytest.approx([5.0, 6.0], abs=0.01)  # the loop is at its points of these times
         x, y = (
             page.page.evaluate("""() => { const { chart, canvas = chart.canvas } = document.getElementById("chart"), box = chart.boxes[1];

@@ -234,6 +234,17 @@ def test_metrics_of_two_runs_are_those_of_their_common_seeds_as_in_compare(opene
     assert float(slow["change"]) == own.change
     assert first["rows"][1]["seeds"] == 0  # both runs have the same seeds of this variant
     assert second["rows"][1]["change"] == "0.00"
+    cut = summaries[1]["metrics"].pop(
+        "mean_speed"
+    )  # a run without the metric, of seeds 1 and 2: A's value is over these, too
+    (tmp_path / "b" / "summary.json").write_text(json.dumps(summaries[1]))
+    (first,) = metrics_of(*runs(tmp_path / "a", tmp_path / "b").runs)
+    assert (first["rows"][0]["value"], first["rows"][0]["seeds"]) == ("10.50", 2)
+    cut["variants"]["slow"]["verdict"] = "cut"
+    summaries[1]["metrics"]["mean_speed"] = cut
+    (tmp_path / "b" / "summary.json").write_text(json.dumps(summaries[1]))
+    _, second = metrics_of(*runs(tmp_path / "a", tmp_path / "b").runs)
+    assert (second["rows"][0]["verdict"], second["rows"][0]["change"]) == ("cut", "")  # of another window
 
 
 def worst_window(folder):

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 MAX_LISTED = 20  # metrics, and other differences, without --all
 MAX_SIGNALS = 8  # without --all
 MAX_NAMES = 6  # names in a line without --all
+WORDS = {"other": "other settings", "cut": "run too short"}  # verdicts as in the tables of `twin run`
 MAX_CASES = 2  # of the cases of one run only, the same
 
 
@@ -117,7 +118,7 @@ def show_verdicts(comparison: Comparison, everything: bool, *, has_all_cases: bo
     others: dict[tuple[str, str], list[str]] = {}
     unjudged = 0
     for name, *verdicts in comparison.verdicts:
-        first, second = ("other settings" if verdict == "other" else verdict for verdict in verdicts)
+        first, second = (WORDS.get(verdict, verdict) for verdict in verdicts)
         if "skipped" in verdicts and not has_all_cases:
             unjudged += 1
         elif everything or "fail" in verdicts:

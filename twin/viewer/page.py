@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from string import ascii_uppercase
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 HERE = Path(__file__).parent
 OWN = ("spectrum.js", "sources.js", "state.js", "view.js", "scene.js", "tables.js", "completion.js", "panels.js")
 REPORT = "report.html"
+STYLE_SPACE = re.compile(r"/\*.*?\*/|\s*([{};,])\s*|(?<=[a-z]:) ", re.DOTALL)  # comments and blanks of a style sheet
 MAX_SAMPLES = 50_000  # of an embedded curve; longer ones are reduced to their extremes
 MAX_INSTANTS = 600  # of an embedded picture
 MAX_LETTERS = 60_000_000  # characters of a page
@@ -58,7 +60,7 @@ def html(
         title=content["title"],
         note=note,
         icon=quote((STATIC / "favicon.svg").read_text(encoding="utf-8")),
-        style=safe(style),
+        style=safe(STYLE_SPACE.sub(r"\1", style)),
         about=safe(data),
         followed=content["following"] is not None,
         arrays=arrays,

@@ -11,13 +11,14 @@ from twin.results import MetricFormat, MetricResult, common_seeds, expression, m
 from twin.viewer import following
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from twin.viewer.runs import RunCollection
     from twin.viewer.verdicts import ExpectationView, Verdicts
 
 MAX_SIGNALS = 20_000  # in the tree
 ORDER = {"fail": 0, "skipped": 2}  # of expectations
+CUT = "cut"  # verdict of a metric whose run ended before its window
 
 
 def about(runs: RunCollection) -> dict[str, Any]:
@@ -94,9 +95,12 @@ class MetricOfRun:
         }
 
     def change(self) -> str:
-        """Return by how much the mean is above that of the first run, with the digits of both."""
+        """Return by how much the mean is above that of the first run, with the digits of both.
+
+        Empty where a run ended before the window of the metric: the values are of different windows.
+        """
         first, mean = self.first.mean if self.first else None, self.result.mean
-        if first is None or mean is None:
+        if first is None or mean is None or CUT in (self.result.verdict, self.first and self.first.verdict):
             return ""
         text = replace(self.style, is_difference=True).number(mean - first, max(abs(mean), abs(first)))
         return text if text.strip("-0.") else text.removeprefix("-")
@@ -106,7 +110,13 @@ def compare_metrics(verdicts: Sequence[Verdicts]) -> list[dict[tuple[str, str], 
     """Return the metrics of each run by name and variant: of several runs over their common seeds, with common digits."""
     runs = [{(result.metric.name, result.variant): result for result in own.results()} for own in verdicts]
     keys = list(dict.fromkeys(key for run in runs for key in run))
-    seeds = {key: common_seeds(*(run[key].values for run in runs if key in run)) for key in keys}
+    pools: dict[tuple[str, str], list[Mapping[int, Any]]] = {
+        key: [run[key].values if key in run else own.seeds(key[1]) for run, own in zip(runs, verdicts, strict=True)]
+        for key in keys
+    }
+    seeds = {
+        key: common_seeds(*(own for own in pool if own)) for key, pool in pools.items()
+    }  # one rule where a run lacks a metric
     is_part = {key: any(key in run and len(run[key].values) > len(seeds[key]) for run in runs) for key in keys}
     common = [
         {key: replace(own, values={n: own.values[n] for n in seeds[key] or own.values}) for key, own in run.items()}

@@ -237,7 +237,11 @@ function plots() {
 
 find("search").oninput = tree;
 find("band").onchange = () => { state.band = find("band").checked; show(); };
-find("kind").onchange = () => { find("across").hidden = find("kind").value !== "xy"; };
+find("kind").onchange = () => {
+  const isXy = find("kind").value === "xy";
+  find("across").hidden = !isXy;
+  find("signal").placeholder = isXy ? "signal" : "signal or expression, as abs(a.x - b.x)";
+};
 find("new").onsubmit = async (event) => {
   event.preventDefault();
   const [kind, signal, x] = ["kind", "signal", "x"].map((id) => find(id).value.trim());

@@ -2,6 +2,7 @@
 
 const digits = (value) => (value === null || value === undefined ? "–" : String(+value.toPrecision(6)));
 const STATISTICS = [["mean", "mean"], ["std", "std"], ["rms", "RMS"], ["low", "min"], ["high", "max"], ["peak_to_peak", "peak to peak"]];
+const KINDS = { differs: "differs", fail: "failed", open: "open", pass: "passed", skipped: "not judged" }; // of requirements, in this order
 const PASSES = 5; // at most, of requirements that are shown: more are folded
 const SHORT = 150, PAIRED = 2e6; // shortest time between requests of values [ms]; samples of a case from which on it is not compared with that of run A
 
@@ -33,15 +34,15 @@ async function summarize() {
   Object.assign(summarize, { key, statistics });
   distances.clear();
   pairs.forEach(([k, { cases: { length: common } }], p) => {
-    const { count, low, high } = statistics[lines.length + p], far = Math.max(Math.abs(low), Math.abs(high)), { spec, cases, name, pane: { unit } } = lines[k];
+    const { count, ranges, low = NaN, high = NaN } = statistics[lines.length + p], far = Math.max(Math.abs(ranges?.low[0] ?? low), Math.abs(ranges?.high[1] ?? high)), { spec, cases, name, pane: { unit } } = lines[k];
     const all = state.cases.filter((each) => !about.cases[each].run && about.cases[each].variant === about.cases[spec.case].variant).length, isPart = common < Math.max(all, cases.length);
-    const where = isBetween() ? " from t1 to t2" : state.window ? " in view" : "", [{ letter: first }] = about.runs;
+    const where = shown.length > 2 ? "" : isBetween() ? " from t1 to t2" : state.window ? " in view" : "", [{ letter: first }] = about.runs;
     if (count) distances.set(name, `(${far === 0 && (isPart || count === statistics[k].count) ? `equal to ${first}` : `max |${about.runs[about.cases[spec.case].run].letter} − ${first}| ${number(+far.toPrecision(2), 0)} ${unit}`}${where}${isPart ? ` in ${common} seed${common > 1 ? "s" : ""}` : ""})`);
   });
   chart.redraw(false);
   if (!find("values").open) return;
   const values = times.length ? await source.values(specs.slice(0, lines.length), lines.map((line) => own(line, times))) : [];
-  const seeds = specs.some((spec) => spec.seeds?.length) ? "; seeds: min and max of all, otherwise the mean over seeds" : "";
+  const seeds = specs.some((spec) => spec.seeds?.length) ? "; of seeds, the mean of each seed's value (range: point at it)" : "";
   const [begin, end] = windowOf(), away = state.cursors.flatMap((at, k) => (at < begin || at > end ? [`t${k + 1}`] : [])).join(" and ");
   find("summarized").textContent = (isBetween() ? `between t1 and t2${away && ` (${away} outside of the visible time)`}` : state.window ? "of the visible time" : "of the whole time") + seeds;
   find("values").querySelector("div").replaceChildren(valueTable(lines, values, statistics));
@@ -59,15 +60,15 @@ function overSeeds(parts) {
   const own = parts.filter((one) => one.count), [first] = own;
   if (own.length < 2) return first ?? parts[0];
   const mean = (name) => (own.every((one) => Number.isFinite(one[name])) ? own.reduce((sum, one) => sum + one[name], 0) / own.length : null);
-  const low = Math.min(...own.map((one) => one.low)), high = Math.max(...own.map((one) => one.high)), means = ["mean", "std", "rms", "peak_to_peak", "slope", "rate"].map((name) => [name, mean(name)]);
-  return { ...first, ...Object.fromEntries(means), count: own.reduce((sum, one) => sum + one.count, 0), low, high, thinned: own.some((one) => one.thinned) };
+  const names = [...STATISTICS.map(([name]) => name), "slope", "rate"], ranges = Object.fromEntries(names.map((name) => [name, [Math.min, Math.max].map((edge) => edge(...own.map((one) => one[name])))]));
+  return { ...first, ...Object.fromEntries(names.map((name) => [name, mean(name)])), ranges, count: own.reduce((sum, one) => sum + one.count, 0), thinned: own.some((one) => one.thinned) };
 }
 
 function valueTable(lines, values, statistics) {
   const table = element("table", ""), [from, to] = windowOf(), [a, b] = state.cursors, both = b !== undefined, second = (value) => `${readableTime(value, from, to)} s`;
   const row = (cells, tag = "td") => { const made = table.insertRow(); cells.forEach((text) => made.append(element(tag, text))); return made; };
   const cursors = [...(a === undefined ? [] : ["t1"]), ...(both ? ["t2", "t2 − t1"] : []), ...(state.time === null ? [] : ["now"])];
-  row(["", ...cursors.map((name) => name.replace(/^t.$/, "at $&")), ...STATISTICS.map(([, title]) => title), "slope [1/s]", "rate [Hz]"], "th");
+  row(["", ...cursors.map((name) => name.replace(/^t.$/, "at $&")), ...STATISTICS.map(([, title]) => title), slopeTitle(lines), "rate [Hz]"], "th");
   if (cursors.length) {
     const found = { t1: a, t2: b, "t2 − t1": b - a, now: state.time }, made = row(["time", ...cursors.map((name) => second(found[name])), ...Array(STATISTICS.length + 2).fill("")]);
     if (state.time !== null) made.cells[cursors.length].now = () => second(state.time);
@@ -85,16 +86,30 @@ function valueTable(lines, values, statistics) {
   return table;
 }
 
+// the unit of a slope is that of its pane per second
+function slopeTitle(lines) {
+  const units = new Set(lines.map((line) => line.pane.unit)), [unit] = units;
+  return `slope [${units.size > 1 ? "unit" : unit || "1"}${/[ /]/.test(unit) ? " per s" : "/s"}]`;
+}
+
+// from when or until when a curve is there, if not in the whole window that is summarized
+function partOf({ cases, spec }, count) {
+  const [from, to] = summarized(), own = [...cases, ...(spec.minus === null ? [] : [spec.minus])], step = (to - from) / 1000, edge = (fold, side) => fold(...own.map((k) => about.cases[k][side] + offset(k)));
+  const begin = edge(Math.max, "begin"), end = edge(spec.minus === null ? Math.max : Math.min, "end"), part = [...(begin > from + step ? [`from ${digits(begin)} s`] : []), ...(end < to - step ? [`to ${digits(end)} s`] : [])];
+  return part.length && !about.growing ? `${part.join(" ")}, ${count ?? 0} samples` : "";
+}
+
 // the rows of the curves of a pane, or of the panes into which it is split: each column has one precision
 function paneRows(entries, cursors, row) {
   const [from, to] = summarized(), { unit } = entries[0].line.pane;
   const step = resolution(entries), differ = new Set(entries.map(({ line }) => SEEDS.exec(line.label)?.[0])).size > 1;
   const columns = [...[...cursors, ...STATISTICS.map(([name]) => name)].map((name) => [name, step]), ["slope", 10 * step / (to - from)], ["rate", 0]];
   const texts = columns.map(([name, own]) => columnTexts(entries.map((each) => each[name]), own));
-  entries.forEach(({ line, count, thinned }, k) => {
+  entries.forEach(({ line, count, thinned, ranges }, k) => {
     if (line.pane !== entries[k - 1]?.line.pane) row([`${line.pane.title}${unit ? ` [${unit}]` : ""}`], "th").firstChild.colSpan = 4;
     const made = row(["", ...texts.map((column) => column[k])]);
-    made.firstChild.append(swatch(line), differ ? line.label : line.label.replace(SEEDS, ""));
+    made.firstChild.append(swatch(line), differ ? line.label : line.label.replace(SEEDS, ""), element("small", partOf(line, count)));
+    for (const [name, [low, high]] of Object.entries(ranges ?? {})) made.cells[1 + columns.findIndex(([own]) => own === name)].title = `seeds: ${digits(low)} to ${digits(high)}`;
     if (cursors.includes("now")) made.cells[cursors.length].now = () => columnTexts([valueAt({ ...(chart.data[line.name] ?? { x: [] }), head: { real: !line.step } }, state.time)], step)[0];
     made.title = `${line.label}: ${line.about}; ${(count ?? 0).toLocaleString("en-US")} ${thinned ? "extremes of its samples: mean, std and RMS with twin view" : "samples"}`;
   });
@@ -106,7 +121,7 @@ function refresh() { if (state.time !== null) for (const cell of find("values").
 // what a screen can show of the smallest range of several curves, at most a part of the largest value; 0 if all are constant
 function resolution(entries) {
   const ranges = entries.map((each) => each.peak_to_peak).filter((range) => range > 0), largest = Math.max(...entries.flatMap(({ low, high }) => [low, high]).filter(Number.isFinite).map(Math.abs), 0);
-  return ranges.length ? Math.max(Math.min(...ranges) / 500, largest * 1e-5) : 0;
+  return ranges.length ? Math.max(Math.min(...ranges) / 200, largest * 1e-4) : 0;
 }
 
 // numbers with the digits of a step, all as powers of ten if they are very large or small; without a step: four significant digits
@@ -118,7 +133,7 @@ function columnTexts(values, step) {
 
 // ---- metrics and verdicts
 
-const VERDICTS = { pass: "pass", fail: "FAIL", none: "none", open: "open", skipped: "skipped" }, SIGNS = { pass: "✓", fail: "✗", none: "✗" }; // in words, and where several share a line
+const VERDICTS = { pass: "pass", fail: "FAIL", none: "none", open: "open", skipped: "skipped", absent: "–", cut: "run too short" }, SIGNS = { pass: "✓", fail: "✗", none: "✗", cut: "run too short" }; // in words, and where several share a line
 function badge(verdict, texts = VERDICTS) { return element("b", texts[verdict] ?? "", { className: verdict, title: VERDICTS[verdict] ?? "" }); }
 
 // what several runs have in common: entries of the same name, of each run at most one; the number of a repeated name counts
@@ -136,12 +151,12 @@ function byName(entries, nameOf) {
 const perRun = (textOf) => (about.runs.length < 2 ? textOf(0) : about.runs.map(({ letter: run }, r) => `${run}: ${textOf(r)}`).join("; "));
 
 function expectations() {
-  const box = find("expectations"), unfolded = new Set([...box.querySelectorAll("details[open]")].map((one) => one.dataset.kind)), several = about.runs.length > 1;
-  const has = (own, ...verdicts) => own.every(({ verdict }) => verdicts.includes(verdict)), isSkipped = (own) => has(own, "skipped"), groups = byName(about.expectations, ({ name }) => name), problem = about.runs.map((run) => run.problem).filter(Boolean);
+  const box = find("expectations"), wasOpen = new Map([...box.querySelectorAll("details")].map((one) => [one.dataset.kind, one.open])), several = about.runs.length > 1;
+  const kindOf = (own) => (several && (own.length < about.runs.length || own.some(({ verdict }) => verdict !== own[0].verdict)) ? "differs" : own[0].verdict), groups = byName(about.expectations, ({ name }) => name), problem = about.runs.map((run) => run.problem).filter(Boolean);
   const rowOf = (own) => {
     const [one] = [...own].sort((a, b) => (b.verdict === "fail") - (a.verdict === "fail")), label = element("span", ""), badges = element("div", "");
     const found = button("", () => goTo(one), { className: "outcome", disabled: !one.signal || !nameInPage(one.signal) }), detailsOf = (some) => some.map(({ run, detail }) => `${several ? `${about.runs[run].letter}: ` : ""}${detail}`).join(" ");
-    badges.append(...(several ? about.runs.flatMap(({ letter: run }, r) => { const each = element("span", `${run} `); each.append(badge(own.find((other) => other.run === r)?.verdict)); return [each, " "]; }) : [badge(one.verdict)]));
+    badges.append(...(several ? about.runs.flatMap(({ letter: run }, r) => { const each = element("span", `${run} `); each.append(badge(own.find((other) => other.run === r)?.verdict ?? "absent")); return [each, " "]; }) : [badge(one.verdict)]));
     const small = detailsOf(several ? own.filter(({ verdict }) => verdict === "fail") : own);
     found.title = detailsOf(own);
     label.append(element("b", one.name), " ", element("small", small === one.name ? "" : small));
@@ -153,19 +168,24 @@ function expectations() {
     const own = about.expectations.filter(({ run }) => run === r), count = (verdict) => own.filter((one) => one.verdict === verdict).length, failed = count("fail"), skipped = count("skipped"), judged = own.length - skipped;
     return own.length && count("open") === own.length ? `${own.length}, judged at the end` : (failed ? `${failed} of ${judged} failed` : `${judged}, none failed`) + (skipped ? `, ${skipped} not judged` : "");
   };
-  const passed = groups.filter((own) => has(own, "pass", "skipped") && !isSkipped(own)), folds = [...(passed.length > PASSES ? [["passed", passed]] : []), ["not judged", groups.filter(isSkipped)]].filter(([, own]) => own.length).map(([kind, own]) => {
-    const fold = element("details", "", { open: unfolded.has(kind) });
+  const folds = Object.entries(KINDS).flatMap(([kind, title]) => { // of one run, failed ones and a few that passed are not folded
+    const own = groups.filter((each) => kindOf(each) === kind), isFolded = several || kind === "skipped" || (kind === "pass" && own.length > PASSES);
+    if (!own.length || !isFolded) return own.map(rowOf);
+    const fold = element("details", "", { open: wasOpen.get(kind) ?? (["differs", "fail"].includes(kind) || own.length <= PASSES * (kind === "pass")) });
     fold.dataset.kind = kind;
-    fold.append(element("summary", `${kind} (${own.length})`), ...own.map(rowOf));
-    return [own, fold];
-  }), hidden = new Set(folds.flatMap(([own]) => own));
+    fold.append(element("summary", `${title}${several && kind !== "differs" ? (about.runs.length > 2 ? " in all" : " in both") : ""} (${own.length})`), ...own.map(rowOf));
+    return [fold];
+  });
   box.classList.toggle("several", several);
   box.hidden = !groups.length && !problem.length;
   box.querySelector("summary").textContent = `Requirements: ${perRun(summary)}`;
-  box.querySelector("div").replaceChildren(...problem.map((text) => element("p", text, { className: "twin-soft" })), ...groups.filter((own) => !hidden.has(own)).map(rowOf), ...folds.map(([, fold]) => fold));
+  box.querySelector("div").replaceChildren(...problem.map((text) => element("p", text, { className: "twin-soft" })), ...folds);
 }
 
 const referenced = (own) => own.flatMap(({ rows }) => rows).filter((row) => row.reference !== null), compared = (own) => referenced(own).filter(({ verdict }) => verdict === "pass" || verdict === "fail");
+
+// when a run ended [s]
+const endOf = (run) => Math.max(...about.cases.filter((one) => one.run === run).map(({ end }) => end));
 
 // metrics of all runs with the paper's values; those of shown variants are marked
 function metrics() {
@@ -173,6 +193,8 @@ function metrics() {
   box.hidden = !about.metrics.length;
   box.querySelector("summary").textContent = `Metrics: ${perRun((r) => {
     const own = about.metrics.filter(({ run }) => run === r), judged = compared(own), all = referenced(own);
+    const cut = own.filter(({ rows }) => rows.some(({ verdict }) => verdict === "cut"));
+    if (cut.length) return `${several ? "" : "the run "}ends at ${digits(endOf(r))} s, before ${digits(Math.max(...cut.map(({ begin, end }) => end ?? begin)))} s`;
     return judged.length ? `${judged.filter(({ verdict }) => verdict === "pass").length} of ${judged.length} as in the paper` : all.length ? `${all.length} compared, ${all.some(({ verdict }) => verdict === "other") ? "settings differ from the paper's" : "no tolerance given"}` : `${own.length}`;
   })}`;
   box.querySelector("div").replaceChildren(...byName(about.metrics, ({ name, unit }) => `${name} ${unit}`).map((own) => {
@@ -180,18 +202,20 @@ function metrics() {
     found.append(button(`${one.description || one.name}${one.unit ? ` [${one.unit}]` : ""}`, () => goTo({ ...one, metric: one.name, spans: {} }), { className: "name", title: `${one.name}: ${one.definition}`, disabled: !one.signal || !nameInPage(one.signal) }), table);
     const head = table.insertRow(), titles = [...(several ? about.runs.map((run) => run.letter) : reference ? ["twin"] : []), ...(isPair ? ["B − A"] : []), ...(reference ? ["paper"] : []), ...(reference && !several ? [compared(own).length ? one.tolerance ?? "" : ""] : [])];
     if (titles.length) ["", ...titles].forEach((text) => head.append(element("th", text)));
+    if (several && one.end === null && new Set(own.map(({ run }) => endOf(run))).size > 1) about.runs.forEach((_, r) => head.cells[r + 1].append(element("small", `to ${digits(endOf(r))} s`)));
     const seeds = [...new Set(own.flatMap(({ rows }) => rows.map((row) => row.seeds)))].filter(Boolean);
     if (isPair && seeds.length) head.cells[3].append(element("small", `in ${seeds.length > 1 ? "common seeds" : `${seeds[0]} seed${seeds[0] > 1 ? "s" : ""}`}`));
     for (const variant of new Set(own.flatMap(({ rows }) => rows.map((row) => row.variant)))) {
       const made = table.insertRow(), rows = about.runs.map((_, r) => own.find(({ run }) => run === r)?.rows.find((row) => row.variant === variant));
       made.classList.toggle("twin-soft", !shown.has(variant));
       made.insertCell().textContent = variant;
-      for (const row of rows) {
-        const cell = made.insertCell();
+      rows.forEach((row, r) => {
+        const cell = made.insertCell(), isRecorded = about.cases.some((each, k) => each.run === r && recorded(one.signal, k));
         cell.append(row?.value ?? "–", " ");
+        if (!row && about.cases.some((each) => each.run === r && each.variant === variant)) cell.append(element("small", isRecorded ? "no value" : "not recorded"));
         if (row?.range) Object.assign(cell, { title: `seeds: ${row.range}` });
         if (several && row) cell.append(badge(row.verdict, SIGNS)); else if (row?.range) cell.append(element("small", row.range));
-      }
+      });
       if (isPair) made.insertCell().textContent = rows[1]?.change || "–";
       if (reference) made.insertCell().textContent = rows.find((row) => row?.reference)?.reference ?? "";
       if (!several) made.insertCell().append(badge(rows[0].verdict));

@@ -88,6 +88,10 @@ class Verdicts:
         signals = {ast.unparse(result.metric.signal.tree): result.metric for result in reversed(results)}
         return {signal: formats[metric.name].unit for signal, metric in signals.items() if signal not in own}
 
+    def seeds(self, variant: str) -> dict[int, None]:
+        """Return the seeds with which a variant was run."""
+        return {case["seed"]: None for case in self.viewed.summary["cases"] if case["variant"] == variant}
+
     def results(self) -> list[MetricResult]:
         """Return the metrics of the summary that the scenario defines, SI."""
         definitions = self.scenario.metrics if self.scenario else {}

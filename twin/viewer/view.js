@@ -11,10 +11,10 @@ let chart, shown = [], curves = new Map();
 const distances = new Map(); // of curves of other runs from the same of run A, as texts
 
 async function samples({ names, points, from, to }) {
-  const window = from === undefined ? extentOf() : [from, to];
+  const window = from === undefined ? extentOf() : [from, to], windowFor = ({ kind }) => (kind === "spectrum" && isBetween() ? summarized() : window);
   const asked = names.map((name) => JSON.parse(name)), moved = asked.map(([spec]) => (spec.kind === "fan" ? state.offsets[about.following.run] : offset(spec.case)));
   try {
-    const read = asked.flatMap(([spec], k) => (spec.kind === "fan" ? [] : [{ ...spec, window: window.map((time) => time - moved[k]) }]));
+    const read = asked.flatMap(([spec], k) => (spec.kind === "fan" ? [] : [{ ...spec, window: windowFor(spec).map((time) => time - moved[k]) }]));
     const answers = await source.lines(read, Math.min(Math.max(2 * points, 16), 8000)), lines = asked.map(([spec]) => (spec.kind === "fan" ? forecastOf(spec) : answers.shift()));
     lines.forEach(({ head }, k) => learned(names[k], asked[k][0], head));
     const problem = lines.find((one) => one.head.error);
@@ -39,6 +39,14 @@ function learned(name, spec, head) {
   if (head.error || heads.has(name)) return;
   heads.set(name, head);
   if (spec.kind === "time") heads.set(spec.signal, head);
+  clearTimeout(learned.due);
+  learned.due = setTimeout(renewed, 0);
+}
+
+// spectra follow the cursors and the visible time, which are in their titles
+function transformed() {
+  if (!state.panes.some(({ kind }) => kind === "spectrum")) return;
+  chart.stale = true;
   clearTimeout(learned.due);
   learned.due = setTimeout(renewed, 0);
 }
@@ -86,7 +94,7 @@ class Panes extends Chart {
 
   // some rows of names, and a button for the others
   measure() {
-    const rows = innerWidth <= NARROW ? 4 : 2;
+    const rows = innerWidth <= NARROW ? 4 : this.panes.length > 2 ? 1 : 2;
     for (const line of this.legends.children) {
       const names = line.firstChild, tops = [...new Set([...names.children].map((one) => one.offsetTop))].sort((a, b) => a - b), isLong = tops.length > rows;
       line.classList.toggle("long", isLong);
@@ -109,7 +117,7 @@ function show() {
   document.querySelectorAll("[aria-invalid=true]").forEach((input) => refuse(input, ""));
   const panes = laid();
   find("chart").style.setProperty("--panes", Math.max(panes.length, 1));
-  find("chart").style.setProperty("--least", panes.length > 2 ? "24vh" : "13vh"); // two panes are seen together
+  find("chart").style.setProperty("--least", panes.length > 2 ? "11vh" : "13vh"); // three panes are seen together
   chart.window = state.window;
   chart.setPanes(panes);
   chart.setCursors(state.cursors);
@@ -144,19 +152,24 @@ const windowOf = () => state.window || extentOf();
 
 function windowed() {
   const [from, to] = windowOf();
-  for (const id of ["from", "to"]) refuse(find(id), "");
   if (state.time !== null) state.time = Math.min(Math.max(state.time, from), to); // the picture is of the window, too
   find("clear").hidden = !state.cursors.length;
-  find("from").value = +readableTime(from, from, to);
-  find("to").value = +readableTime(to, from, to);
+  for (const [id, at] of [["from", from], ["to", to]]) written(find(id), String(+readableTime(at, from, to)));
   find("span").value = state.window ? "" : state.span ?? "";
   played(from, to);
 }
 
+// write a time, but not into a field in which somebody types, nor under the caret while the run goes on
+function written(field, text) {
+  if (field === document.activeElement && (about.growing || field.value !== field.dataset.text)) return;
+  refuse(field, "");
+  field.value = field.dataset.text = text;
+}
+
 // user actions on the chart
 function heard(event, detail) {
-  if (event === "window") { state.window = detail.all ? null : [detail.from, detail.to]; windowed(); tabulate(); pictured(); keep(); }
-  if (event === "cursors") { state.cursors = [detail.a, detail.b].filter((one) => one !== undefined); find("clear").hidden = !state.cursors.length; tabulate(); keep(); }
+  if (event === "window") { state.window = detail.all ? null : [detail.from, detail.to]; windowed(); transformed(); tabulate(); pictured(); keep(); }
+  if (event === "cursors") { state.cursors = [detail.a, detail.b].filter((one) => one !== undefined); find("clear").hidden = !state.cursors.length; transformed(); tabulate(); keep(); }
   if (event === "time") { pause(); goToTime(detail.at); }
   if (event === "dim") tabulate();
   if (event === "drop") add(detail.name, shown[detail.pane]?.place ?? -1);
@@ -182,7 +195,7 @@ function begin() {
   for (const id of ["from", "to"]) {
     find(id).onchange = () => {
       const pair = ["from", "to"].map((end) => numberOf(find(end)));
-      if (pair[1] > pair[0]) { state.window = pair; show(); } else refuse(find(id), "from must be below to, both numbers in s.");
+      if (pair[1] > pair[0]) { find(id).dataset.text = find(id).value; state.window = pair; show(); } else refuse(find(id), "from must be below to, both numbers in s.");
     };
   }
   find("all").onclick = () => { state.window = null; state.span = null; show(); };
@@ -208,6 +221,7 @@ function begin() {
   document.addEventListener("click", (event) => closeMenus(event.target));
   document.querySelectorAll(".splitter").forEach(splits);
   show();
+  if (shown.length > 2 && innerWidth > NARROW) find("scene").open = false; // until it plays
 }
 
 function closeMenus(but) {

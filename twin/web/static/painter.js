@@ -213,7 +213,7 @@ function drawInstants(chart, context, pane, box) {
       context.beginPath(); context.arc(x, y, color ? 4 : 3, 0, 7); context.fill();
       if (color) context.stroke();
       context.fillStyle = colors.ink;
-      if (letter) context.fillText(letter, x + 6, y - 4);
+      if (letter) context.fillText(pane.curves.length > 1 ? `${letter} ${curve.short ?? curve.label}` : letter, x + 6, y - 4);
     });
   }
 }
