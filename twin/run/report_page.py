@@ -139,7 +139,7 @@ def report_html(
     curves = draw_plots(
         plots, tables, [row.annotation for row in events], in_curves, arrays, folder, signal_codes(evaluation)
     )
-    first = next((violation for violation in in_curves if not violation.reduce), None)
+    first = next((violation for violation in in_curves if not (violation.reduce or violation.span)), None)
     order = [result.name for result in evaluation.expectation_results]
 
     def rank(figure: ReportFigure) -> tuple[bool, bool, bool, int]:

@@ -26,7 +26,7 @@ from twin.results.evaluation.hardware_termination import HardwareTermination, ch
 from twin.results.evaluation.limit_failures import CaseRange, describe_failure, describe_limits, violating_samples
 from twin.results.evaluation.metric_format import display_units
 from twin.results.evaluation.ordering import check_order
-from twin.results.evaluation.reduction import INSTANT_INDEX, is_outside, reduce_samples
+from twin.results.evaluation.reduction import INSTANT_INDEX, extreme_times, is_outside, reduce_samples
 from twin.results.recording.signals import FULL_RUN, Signals, Window, format_value
 
 if TYPE_CHECKING:
@@ -329,7 +329,11 @@ def check_expectation(
         if expectation.signal is None:
             value = results[variant].values.get(seed) if variant in results else None
             if variant in results:
-                ranges.append(CaseRange(case, *[np.nan if value is None else value] * 2))
+                metric, own, times = results[variant].metric, np.nan if value is None else value, (None, None)
+                if is_outside(own, expectation.at_least, expectation.at_most):
+                    parts = list(signals.evaluate_parts(metric.signal, metric.window))
+                    times = extreme_times(metric.reduce, expectation.at_least, expectation.at_most, parts)
+                ranges.append(CaseRange(case, own, own, times[0], *times))
         elif signals.has(expectation.signal):
             extremes = [
                 extreme_samples(part, expectation)
