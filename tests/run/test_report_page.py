@@ -213,7 +213,8 @@ def test_panes_hold_what_was_recorded_and_what_failed() -> None:
     assert [limit["y"] for limit in first["limits"]] == pytest.approx([0.1, 0.4, 0.1, 0.22])
     assert [limit["failed"] for limit in first["limits"]] == [False, False, True, True]
     assert set(first["curves"][0]) >= {"name", "low", "high"}
-    assert force.marks == [{"at": 2.0, "text": "1"}]
+    assert force.marks == [{"at": 2.0, "text": "1", "variants": []}]
+    assert first["reach"] == (0.0, 5.0)
     assert force.command == "twin view runs/x --signal a.force"
     assert loop.panels[0][0]["own"]
     assert nothing.panels == []
@@ -261,6 +262,17 @@ def test_values_under_the_pointer_and_one_cursor_of_time(page) -> None:
     assert "(seeds " in text
     assert float(text.split("force")[1].split()[0]) == pytest.approx(value, abs=2e-3)
     assert page.evaluate(f"{CHARTS}[1].time") == pytest.approx(2.5, abs=0.01)
+
+
+@pytest.mark.slow
+def test_a_mark_is_in_the_panes_of_its_variants_up_to_their_ends(page) -> None:
+    page.evaluate(
+        f"""() => {{ const chart = {CHARTS}[0]; window.lines = [];
+        const {{ prototype }} = CanvasRenderingContext2D, plain = prototype.moveTo;
+        prototype.moveTo = function (x, y) {{ if (this.getLineDash().join() === "2,3") window.lines.push(y); plain.call(this, x, y); }};
+        chart.marks = [{{ at: 1, text: "1", variants: ["PI"] }}, {{ at: 6, text: "2" }}]; chart.draw(); window.tops = chart.boxes.map((box) => box.top); }}"""
+    )
+    assert page.evaluate("window.lines") == page.evaluate("window.tops")[:1]
 
 
 @pytest.mark.slow

@@ -369,15 +369,15 @@ def test_values_of_a_page_are_multiples_of_a_power_of_two(span: float) -> None:
 
 
 def test_events_of_the_variants_of_a_plot() -> None:
-    time = np.arange(2.0)
-    tables = {(name, 1): Signals(time, {}) for name in ("PI", "FF")}
+    tables = {("PI", 1): Signals(np.arange(2.0), {}), ("FF", 1): Signals(np.arange(3.0), {})}
     events = [EventLine(1.0, "set a.k = 1"), EventLine(1.0, "set b.k = 1"), EventLine(2.0, "stop", ("FF",))]
+    events.append(EventLine(1.5, "after its end", ("PI",)))
     curves = (PlotCurve(expression.parse("a.k"), "k"),)
-    both = {"at": 1.0, "text": "1-2"}
+    both = {"at": 1.0, "text": "1-2", "variants": []}
     numbered = report_plots.events_in_plot(Plot("", curves, variants=("PI",)), tables, events)
     assert report_curves.event_marks(numbered) == [both]
     numbered = report_plots.events_in_plot(Plot("", curves), tables, events)
-    assert report_curves.event_marks(numbered) == [both, {"at": 2.0, "text": "3"}]
+    assert report_curves.event_marks(numbered) == [both, {"at": 2.0, "text": "3", "variants": ["FF"]}]
 
 
 def test_panes_of_a_plot() -> None:

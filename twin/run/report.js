@@ -1,6 +1,7 @@
 // Curves of a report in place of its still plots. All have one window and one cursor of time, which moves the scene too. After player.js.
 
 import { Chart } from "./chart.js";
+import { isMarked } from "./painter.js";
 import { unpack, visible } from "./samples.js";
 import { drawViews, elementOf } from "./views.js";
 
@@ -17,7 +18,7 @@ class ReportChart extends Chart {
   constructor(element, panes, marks) {
     const isLoop = panes[0].own;
     element.classList.toggle("loop", !!isLoop);
-    super(element, { panes, marks: isLoop ? [] : marks, source: curvesOf(isLoop) });
+    super(element, { panes, marks: isLoop ? [] : marks.filter((mark) => panes.some((pane) => isMarked(pane, mark))), source: curvesOf(isLoop) });
     this.notify = (event, detail) => this.share(event, detail);
     this.allPanes = panes;
     this.showPane("");

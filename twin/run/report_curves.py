@@ -139,6 +139,7 @@ class PaneBuilder:
             "spans": [{"from": begin, "to": end} for begin, end in sorted(set(spans))],
             "limits": self.limits(selected),
             "thinned": self.thinned_to,
+            "reach": reach(selected.values()),
         }
 
     @property
@@ -186,8 +187,7 @@ class PaneBuilder:
 
     def limits(self, selected: Tables) -> list[dict[str, Any]]:
         """Return the edges of the band, and the limits of violated expectations over their windows."""
-        first = min(float(signals.time[0]) for signals in selected.values())
-        last = max(float(signals.time[-1]) for signals in selected.values())
+        first, last = reach(selected.values())
         edges = [{"y": self.to_axis(edge), "from": first, "to": last, "failed": False} for edge in self.plot.band or ()]
         return edges + [
             {
@@ -242,8 +242,19 @@ def extreme_samples(lines: Sequence[NDArray[Any]], points: int) -> NDArray[np.in
 
 
 def event_marks(events: Mapping[int, EventLine]) -> list[dict[str, Any]]:
-    """Return numbered events as marks of a chart; those at one time share a mark."""
+    """Return numbered events as marks of a chart; those at one time share a mark. `variants`: whose they are; empty: of all."""
     numbers: dict[float, list[int]] = {}
     for number, event in events.items():
         numbers.setdefault(event.time, []).append(number)
-    return [{"at": time, "text": join_numbers(group)} for time, group in numbers.items()]
+    marks = []
+    for time, group in numbers.items():
+        variants = [events[number].variants for number in group]
+        names = sorted({name for each in variants for name in each}) if all(variants) else []
+        marks.append({"at": time, "text": join_numbers(group), "variants": names})
+    return marks
+
+
+def reach(recordings: Iterable[Signals]) -> tuple[float, float]:
+    """Return the first and the last time of recordings [s]."""
+    ends = [(float(signals.time[0]), float(signals.time[-1])) for signals in recordings if len(signals.time)]
+    return min(first for first, _ in ends), max(last for _, last in ends)
