@@ -496,6 +496,15 @@ def test_the_scene_plays_and_a_failure_leads_to_its_case_and_time(browser, tmp_p
     )
     page.mouse.move(x, y)
     page.wait_for_function("document.querySelector('.player .film').value === '0'")
+    instant = films[0]["time"][5]  # of the scene: values, scene and cursor are of this sample
+    x, y = page.evaluate(
+        """(time) => { const { chart } = document.querySelector(".twin-chart"), { left, top } = chart.canvas.getBoundingClientRect(), box = chart.boxes[1];
+        return [left + box.across(time) + 0.6, top + box.top + 20]; }""",
+        instant,
+    )
+    page.mouse.click(x, y)
+    page.wait_for_function(f"document.querySelector('.player .now').textContent === '{instant:.3f} s'")
+    assert page.evaluate(f"[{CHARTS}[0].hover.at, ...{CHARTS}[0].cursors]") == [instant, instant]
     assert wrong == []
     page.close()
 

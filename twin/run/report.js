@@ -48,10 +48,18 @@ class ReportChart extends Chart {
     return row;
   }
 
+  // the instant of the scene that is drawn at the same pixel as a time of a pane: scene, values and cursors are of one sample
+  snap(time, index) {
+    const { case: own } = this.panes[index] ?? {}, { across } = this.boxes[index] ?? {}, film = own ? player?.films[films.findIndex((one) => isCase(one, own))] : player?.film;
+    const near = across && film?.time[nearest(film.time, time)];
+    return Math.abs(across?.(near) - across?.(time)) <= 1 ? near : time;
+  }
+  get samples() { return this.panes.some(({ own }) => own) ? this.data : stored; }
+
   // at the cursors, of the stored samples instead of those that are drawn, in every pane
   values(pane) {
     const { data, cursors } = this;
-    if (cursors.length) this.data = { ...data, ...Object.fromEntries(pane.curves.flatMap(({ name }) => (stored.has(name) ? [[name, stored.get(name)]] : []))) };
+    if (cursors.length) this.data = { ...data, ...Object.fromEntries(pane.curves.flatMap(({ name }) => (ended[name] ? [[name, ended[name]]] : []))) };
     super.values(pane);
     this.data = data;
     for (const chip of pane.alike || []) chip.hidden = !cursors.length;
@@ -124,14 +132,17 @@ function scrollThrough(element) {
   element.addEventListener("wheel", (event) => { if (!event.ctrlKey) event.stopPropagation(); }, { capture: true });
 }
 
-// names of curves are the indices of their arrays
-const stored = new Map();
+// names of curves are the indices of their arrays, and the unit of their times [ns]
+const stored = {}, ended = {};
+async function lineOf(name) {
+  const [first, second, step] = name.split(" "), [x, y] = await Promise.all([first, second].map(unpack));
+  if (!step) return { x, y }; // a loop
+  stored[name] ??= { x: x.map((count) => (count * step) / 1e9), y };
+  ended[name] ??= { x: [...stored[name].x, stored[name].x.at(-1) + 1e-9], y: [...y, NaN] }; // no value after the last sample
+  return stored[name];
+}
 const curvesOf = (isLoop) => async ({ names, points, from, to }) => {
-  const lines = await Promise.all(names.map(async (name) => {
-    const [x, y] = await Promise.all(name.split(" ").map(unpack));
-    if (!stored.has(name)) stored.set(name, { x: [...x, x.at(-1) + 1e-9], y: [...y, NaN] }); // no value after the last sample
-    return { x, y };
-  }));
+  const lines = await Promise.all(names.map(lineOf));
   const first = Math.min(...lines.map(({ x }) => x[0])), last = Math.max(...lines.map(({ x }) => x.at(-1)));
   const window = from === undefined ? [first, last] : [from, to];
   return { from: first, to: last, last, curves: isLoop ? lines : lines.map((line) => visible(line, ...window, 2 * points)) };
@@ -144,10 +155,11 @@ function showTime(time, origin) {
 }
 
 // show a case in the scene
-function selectCase([variant, seed] = []) {
-  const isCase = ({ case: own }) => own?.[0] === variant && own[1] === +seed, first = films.findIndex(isCase);
-  if (player && first >= 0 && !isCase(films[player.films.indexOf(player.film)])) player.select(first);
+function selectCase(wanted = []) {
+  const first = films.findIndex((film) => isCase(film, wanted));
+  if (player && first >= 0 && !isCase(films[player.films.indexOf(player.film)], wanted)) player.select(first);
 }
+function isCase({ case: own }, [variant, seed]) { return own?.[0] === variant && own[1] === +seed; }
 
 // show a case and a time [s] in the scene, or the time in the charts
 function goTo({ variant, seed, time }) {

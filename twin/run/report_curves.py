@@ -162,7 +162,8 @@ class PaneBuilder:
         entry: dict[str, Any] = {"label": label, "color": color, "dash": DASHES[style]}
         if curve.x is not None:
             x = plotting.to_unit(time, plot.x_unit, dimension.is_difference(curve.x))
-            return {**entry, "name": self.add(plotting.thin_loop(x, in_unit[0], self.points))}
+            points = plotting.thin_loop(x, in_unit[0], self.points)
+            return {**entry, "name": " ".join(str(self.arrays.index(quantize(values))) for values in points)}
         entry["step"] = bool(plotting.curve_kind(curve, self.tables))
         if names := self.codes.get(curve.signal.text):
             entry["codes"] = names
@@ -172,11 +173,13 @@ class PaneBuilder:
         samples = extreme_samples(list(lines.values()), self.points)
         if len(samples) < len(time):
             self.thinned_to = max(self.thinned_to, float(np.diff(time[samples]).max()))
-        return entry | {name: self.add((time[samples], y[samples])) for name, y in lines.items()}
+        return entry | {name: self.add(time[samples], y[samples]) for name, y in lines.items()}
 
-    def add(self, points: Points) -> str:
-        """Return the name of a curve of the page: the indices of its arrays."""
-        return " ".join(str(self.arrays.index(quantize(values))) for values in points)
+    def add(self, time: NDArray[Any], values: NDArray[Any]) -> str:
+        """Return the name of a curve over time of the page: the indices of its arrays, and the unit of the first one [ns]."""
+        instants = np.rint(time * clock.NANOSECONDS).astype(np.int64)  # exact, since a time names a sample
+        step = int(np.gcd.reduce(instants)) or 1
+        return f"{self.arrays.index((instants // step).astype(float))} {self.arrays.index(quantize(values))} {step}"
 
     def violating_spans(self, curve: PlotCurve, case: tuple[str, int], points: Points) -> Iterable[tuple[float, float]]:
         """Return the spans in which a curve violates an expectation [s]."""

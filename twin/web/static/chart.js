@@ -232,6 +232,10 @@ export class Chart {
 
   axis() { return this.window || this.full; }
 
+  // the time that the pointer means in a pane, and the samples that are read at it: here those that are drawn
+  snap(time) { return time; }
+  get samples() { return this.data; }
+
   // draw at most once a frame; not the curves, if only the pointer, a cursor or the time has moved
   redraw(curves = true) {
     this.changed ||= curves;
