@@ -21,6 +21,7 @@ from twin.results import (
     Plot,
     PlotCurve,
     Signals,
+    default_run,
     evaluate,
     expression,
     find_violations,
@@ -168,6 +169,22 @@ def test_a_metric_of_an_analysis_is_marked_in_its_input() -> None:
     assert titles == ["Failed: steady, worst 3 s", "Failed: steady", "Loop"]
     assert "the worst 3 s, which violate steady" in text
     assert "--signal windows.std" not in text
+
+
+def test_a_changed_run_names_the_command_that_compares_it_with_the_default_run(tmp_path) -> None:
+    changed = tmp_path / "2026-01-02_00-00-00"
+    command = report_page.compare_command({"name": "x"}, "runs/x/2026-01-02_00-00-00", "")
+    assert command == "twin run x; twin compare runs/x/latest runs/x/2026-01-02_00-00-00"
+    for day, overrides in ((1, ()), (2, ("a.k=4",)), (3, ("a.k=5",))):
+        folder = tmp_path / f"2026-01-0{day}_00-00-00"
+        folder.mkdir()
+        results.write_summary(folder / "summary.json", {"cases": [1], "overrides": overrides})
+    own = default_run(changed)
+    assert own == tmp_path / "2026-01-01_00-00-00"
+    evaluation = evaluate({}, [LIMIT], tables())
+    summary = results.build_summary(results.RunInfo("x", overrides=("a.k=4",)), evaluation, tables()) | {"sentence": ""}
+    text = report_page.report_html(summary, evaluation, tables(), folder=str(changed), default_folder=str(own))
+    assert f"Against the default run:</span> <code>twin compare {own} {changed}</code>" in text
 
 
 def test_changed_values_stand_below_the_sentence_and_first_in_their_table() -> None:

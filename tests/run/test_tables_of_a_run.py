@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import zlib
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -195,9 +196,19 @@ def two_variants() -> tuple[Evaluation, list[Any]]:
     return evaluation, find_violations([limit], evaluation, tables)
 
 
-def test_a_matrix_has_failures_first() -> None:
+def test_a_matrix_has_failures_first_but_columns_of_variants_have_their_order() -> None:
     evaluation, violations = two_variants()
-    found = build_matrix(evaluation, violations)
+    assert [row.variant for row in build_matrix(evaluation, violations, ["FF", "PI"]).rows] == ["FF", "PI"]
+    found = build_matrix(evaluation, violations, ["PI", "FF"])
+    assert found.is_wide
+    assert [row.variant for row in found.rows] == ["PI", "FF"]
+    mean = replace(
+        evaluation, metric_results=tuple(one for one in evaluation.metric_results if one.metric.name == "mean")
+    )
+    found = build_matrix(mean, violations, ["PI", "FF"])
+    assert not found.is_wide
+    assert [row.variant for row in found.rows] == ["FF", "PI"]
+    found = build_matrix(evaluation, violations, ["FF", "PI"])
     assert found.columns == (
         ("last", "mN", "", "final of a.force, from 1 s"),
         ("mean", "mN", "mean force", "mean of a.force"),

@@ -208,7 +208,7 @@ for (const table of document.querySelectorAll(".scroll, .drawing")) widths.obser
 
 // the viewer that serves this report, if one does: a file cannot start it
 const viewer = document.documentElement.dataset.viewer;
-for (const command of document.querySelectorAll(".command")) {
+for (const command of document.querySelectorAll(".command[data-query]")) {
   if (viewer) {
     const link = command.appendChild(document.createElement("a"));
     link.href = viewer + command.dataset.query;

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from itertools import zip_longest
+from pathlib import PurePath
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -120,12 +121,14 @@ def report_html(
     analyses: Sequence[Analysis] = (),
     previous_values: Sequence[str] = (),
     folder: str = "latest",
+    default_folder: str = "",
 ) -> str:
     """Render report.html. `summary`: from `run_folder.build_summary`; without `plots` every recorded signal is drawn.
 
     `pictures`: finished figures with title, svg and note; `structures`: diagrams as (SVG, remarks) and their variants.
     `refinements`: cells of metrics at half the step. `expectations`: in the order of their results, to mark violations.
-    `previous_values`: of the scenario's overrides. `analyses`: a violated metric of theirs is marked in their inputs. `folder`: of the run, for the commands that show its curves.
+    `previous_values`: of the scenario's overrides. `analyses`: a violated metric of theirs is marked in their inputs. `folder`: of the run, for the commands that show its curves. `default_folder`: of a run
+    with the scenario's own parameters; empty if there is none.
     """
     violations = find_violations(expectations, evaluation, tables)
     tables = worst_seeds_first(tables, violations)
@@ -150,6 +153,7 @@ def report_html(
 
     figures = sorted([*curves, *draw_metric_charts(expectations, evaluation, analyses)], key=rank)
     films = scenes.films if scenes else []
+    variants = list(dict.fromkeys(variant for variant, _ in tables))
     reason = "; ".join(group_lines(str(summary.get("reason") or "").splitlines(), tables))
     summary = {**summary, "reason": reason, "notes": group_lines(summary.get("notes", ()), tables)}
     return (
@@ -171,6 +175,7 @@ def report_html(
                 *(ReportFigure(picture["title"], picture["svg"], picture["note"]) for picture in pictures),
             ],
             members=group_by_member(parameters),
+            compare=compare_command(summary["scenario"], folder, default_folder),
             changes=describe_changes(summary.get("overrides", ()), previous_values, parameters),
             events=events,
             scenes_left_out=scenes.left_out if scenes else 0,
@@ -181,12 +186,12 @@ def report_html(
             description=split_first_sentence(summary["scenario"]["description"]),
             terminations=early_terminations(terminations),
             has_reference=any(result.paper is not None for result in evaluation.metric_results),
-            variants=list(dict.fromkeys(variant for variant, _ in tables)),
+            variants=variants,
             seeds=list(dict.fromkeys(seed for _, seed in tables)),
             structures=titled_structures(structures[:MAX_STRUCTURES]),
             more_structures=len(structures[MAX_STRUCTURES:]),
             refinements=refinements,
-            matrix=build_matrix(evaluation, violations),
+            matrix=build_matrix(evaluation, violations, variants),
             titles=SECTIONS,
             start=next((violation.start for violation in (first, *in_curves) if violation), None),
             starts={violation.name: violation.start for violation in reversed([*in_curves, *violations])},
@@ -239,6 +244,14 @@ def describe_changes(
         was = f"was {before}" if before not in ("", value) else f"default {default}" if default else ""
         changes.append((f"{name} {value}", was))
     return changes
+
+
+def compare_command(scenario: Mapping[str, str], folder: str, default_folder: str) -> str:
+    """Return the command that compares a run with one of the scenario's own parameters, which it runs if there is none."""
+    if default_folder:
+        return f"twin compare {default_folder} {folder}"
+    name = scenario.get("path") or scenario["name"]
+    return f"twin run {name}; twin compare {PurePath(folder).parent / 'latest'} {folder}"
 
 
 def page_scripts(
