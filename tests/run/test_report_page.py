@@ -166,7 +166,11 @@ def test_a_metric_of_an_analysis_is_marked_in_its_input() -> None:
         summary, evaluation, recorded, plots=PLOTS[1:2], expectations=wanted, analyses=[analysis]
     )
     titles = re.findall("<figcaption><b>(.*?)</b>", text)
-    assert titles == ["Failed: steady, worst 3 s", "Failed: steady", "Loop"]
+    assert titles == ["Failed: steady, worst 3 s", "Loop"]  # the computed values are below the curve
+    assert '<div class="computed"><small>' in text
+    ((pane,),) = draw_plots(PLOTS[1:2], recorded, [], [traced], PackedArrays(), "x")[0].panels
+    window = recorded["PI", 1].values["a.force"][traced.violating_samples(("PI", 1), TIME, TIME)]
+    assert pane["range"] == pytest.approx([window.min(), window.max()], abs=0.07 * np.ptp(window))
     assert "the worst 3 s, which violate steady" in text
     assert "--signal windows.std" not in text
 

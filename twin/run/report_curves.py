@@ -105,7 +105,7 @@ class PaneBuilder:
         """Return the pane."""
         plot, is_loop = self.plot, plotting.is_loop_plot(self.plot)
         selected = {case: signals for case, signals in self.tables.items() if case[0] in self.names}
-        curves, spans = [], []
+        curves, spans, worst = [], [], []
         for name in self.names:
             for number, curve in enumerate(plot.curves):
                 seeds = {case: signals for case, signals in selected.items() if case[0] == name}
@@ -119,6 +119,9 @@ class PaneBuilder:
                 if not is_loop:
                     spans += [
                         span for case, points in recorded.items() for span in self.violating_spans(curve, case, points)
+                    ]
+                    worst += [
+                        value for case, points in recorded.items() for value in self.worst_window(curve, case, points)
                     ]
         pane: dict[str, Any] = {"title": "", "unit": units.shown(plot.unit), "curves": curves}
         if len(self.names) == 1:
@@ -140,6 +143,7 @@ class PaneBuilder:
             "limits": self.limits(selected),
             "thinned": self.thinned_to,
             "reach": reach(selected.values()),
+            **padded_range(worst),
         }
 
     @property
@@ -188,6 +192,18 @@ class PaneBuilder:
             if case in violation.cases and violation.concerns(curve.signal):
                 yield from consecutive_spans(time, violation.violating_samples(case, time, value))
 
+    def worst_window(self, curve: PlotCurve, case: tuple[str, int], points: Points) -> list[float]:
+        """Return the extremes of a curve in the worst window of an analysis, if its plot is of this failure alone."""
+        time, value = points
+        masks = [
+            violation.violating_samples(case, time, value)
+            for violation in self.violations
+            if violation.span and case in violation.cases and violation.concerns(curve.signal)
+        ]
+        values = np.concatenate([value[mask & np.isfinite(value)] for mask in masks] or [np.zeros(0)])
+        is_own = self.plot.title.startswith("Failed: ") and len(values)
+        return [self.to_axis(float(edge)) for edge in (values.min(), values.max())] if is_own else []
+
     def limits(self, selected: Tables) -> list[dict[str, Any]]:
         """Return the edges of the band, and the limits of violated expectations over their windows."""
         first, last = reach(selected.values())
@@ -215,6 +231,11 @@ def shared_range(extremes: Sequence[float], panes: Sequence[Mapping[str, Any]]) 
     low, high = min(values, default=0.0), max(values, default=0.0)
     limits = [limit["y"] for pane in panes for limit in pane["limits"] if limit["failed"]]
     values += [limit for limit in limits if 2 * low - high < limit < 2 * high - low]
+    return padded_range(values)
+
+
+def padded_range(values: Sequence[float]) -> dict[str, list[float]]:
+    """Return `range`, an axis for values with a margin; empty without a finite range."""
     margin = MARGIN * (max(values, default=0.0) - min(values, default=0.0))
     return {"range": [min(values) - margin, max(values) + margin]} if margin else {}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from itertools import zip_longest
 from pathlib import PurePath
 from types import MappingProxyType
@@ -151,7 +152,7 @@ def report_html(
         numbers = [order.index(name) for name in figure.violations]
         return not is_first, not numbers, not figure.panels, min(numbers, default=0)
 
-    figures = sorted([*curves, *draw_metric_charts(expectations, evaluation, analyses)], key=rank)
+    figures = sorted(with_computed(curves, draw_metric_charts(expectations, evaluation, analyses)), key=rank)
     films = scenes.films if scenes else []
     variants = list(dict.fromkeys(variant for variant, _ in tables))
     reason = "; ".join(group_lines(str(summary.get("reason") or "").splitlines(), tables))
@@ -244,6 +245,18 @@ def describe_changes(
         was = f"was {before}" if before not in ("", value) else f"default {default}" if default else ""
         changes.append((f"{name} {value}", was))
     return changes
+
+
+def with_computed(curves: Sequence[ReportFigure], charts: Sequence[ReportFigure]) -> list[ReportFigure]:
+    """Return the figures of curves, each with the chart of the failed metric that an analysis computes of them, and the other charts."""
+    figures, others = list(curves), []
+    for chart in charts:
+        own = [number for number, figure in enumerate(figures) if set(chart.violations) & set(figure.violations)]
+        if own and figures[own[0]].computed is None:
+            figures[own[0]] = replace(figures[own[0]], computed=chart)
+        else:
+            others.append(chart)
+    return [*figures, *others]
 
 
 def compare_command(scenario: Mapping[str, str], folder: str, default_folder: str) -> str:
