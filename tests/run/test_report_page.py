@@ -523,7 +523,12 @@ def test_the_scene_plays_and_a_failure_leads_to_its_case_and_time(browser, tmp_p
         return [left + box.across(time) + 0.6, top + box.top + 20]; }""",
         instant,
     )
+    film.select_option("1")
+    page.mouse.move(x, y)
+    page.mouse.move(x + 1, y)
+    assert film.input_value() == "1"  # until a pane is clicked
     page.mouse.click(x, y)
+    page.wait_for_function("document.querySelector('.player .film').value === '0'")
     page.wait_for_function(f"document.querySelector('.player .now').textContent === '{instant:.3f} s'")
     assert page.evaluate(f"[{CHARTS}[0].hover.at, ...{CHARTS}[0].cursors]") == [instant, instant]
     assert wrong == []

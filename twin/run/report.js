@@ -6,7 +6,7 @@ import { unpack, visible } from "./samples.js";
 import { drawViews, elementOf } from "./views.js";
 
 const charts = [];
-let player = null, shownTime = null, isAtStart = false;
+let player = null, shownTime = null, isAtStart = false, isPinned = false; // pinned: the case of the list, until a pane is clicked or a link followed
 
 // the first violation: the scene and the cursor of time begin there
 const { dataset: start = {} } = document.getElementById("plots") ?? {};
@@ -25,9 +25,10 @@ class ReportChart extends Chart {
     element.chart = this; // for tests, and for the console of the browser
     element.addEventListener("pointermove", () => {
       if (typeof this.hover?.at !== "number") return;
-      selectCase(this.panes[this.hover.pane].case);
+      if (!isPinned) selectCase(this.panes[this.hover.pane].case);
       showTime(this.hover.at, this);
     });
+    element.addEventListener("click", () => { if (this.hover) { isPinned = false; selectCase(this.panes[this.hover.pane].case); } });
     element.addEventListener("pointerleave", () => this.setTime(shownTime));
     scrollThrough(element);
   }
@@ -164,6 +165,7 @@ function isCase({ case: own }, [variant, seed]) { return own?.[0] === variant &&
 // show a case and a time [s] in the scene, or the time in the charts
 function goTo({ variant, seed, time }) {
   player?.play(false);
+  isPinned = false;
   selectCase([variant, seed]);
   if (time !== undefined) { if (player) player.show(+time); else chartTimes(+time); }
 }
@@ -191,6 +193,7 @@ if (films.length) {
   const highest = () => Math.max(innerHeight * 0.2, 110), canvas = stage.querySelector(".view");
   player = new Player(stage, films.map((data) => (data.views ? new MachineFilm(stage.querySelector(".machine"), data) : new Film(canvas, data, highest))), chartTimes);
   goTo(start);
+  stage.querySelector(".film").addEventListener("change", () => { isPinned = true; });
   scrollThrough(stage);
 }
 for (const link of document.querySelectorAll(".failures a[data-variant]")) link.addEventListener("click", () => goTo(link.dataset));
@@ -199,6 +202,7 @@ for (const link of document.querySelectorAll(".failures a[data-variant]")) link.
 for (const link of document.querySelectorAll("main a[href^='#']")) link.addEventListener("click", () => {
   const target = document.querySelector(link.hash);
   for (const fold of [target.closest("details"), target.querySelector(":scope > details:not(.rule)")]) if (fold) fold.open = true;
+  isPinned = false;
   if (!link.dataset.variant) selectCase(target.querySelector(".twin-chart")?.chart.allPanes.find((pane) => pane.case)?.case);
 });
 
