@@ -286,6 +286,26 @@ def test_values_under_the_pointer_and_one_cursor_of_time(page) -> None:
 
 
 @pytest.mark.slow
+def test_the_panes_of_a_plot_have_one_axis_of_time(browser, tmp_path) -> None:
+    """Of two charts side by side the left one ended at 120 s, the right one at 180 s."""
+    time = np.arange(0.0, 181.0)
+    cases = {
+        (f"v{k}", 1): Signals(time[: 121 + 10 * k], {"a.force": time[: 121 + 10 * k]}, {"a.force": "N"})
+        for k in range(7)
+    }
+    evaluation = evaluate({}, [], cases)
+    summary = results.build_summary(results.RunInfo("x"), evaluation, cases) | {"sentence": ""}
+    (tmp_path / "report.html").write_text(report_page.report_html(summary, evaluation, cases, plots=PLOTS[:1]))
+    page = browser.new_page(viewport={"width": 1400, "height": 900})
+    page.goto(f"file://{tmp_path}/report.html")
+    page.wait_for_function(
+        f"() => {{ const charts = {CHARTS}; return charts.length === 2 && charts.every((chart) => chart.frames); }}"
+    )
+    assert page.evaluate(f"{CHARTS}.map((chart) => chart.axis())") == [[0, 180], [0, 180]]
+    page.close()
+
+
+@pytest.mark.slow
 def test_a_mark_is_in_the_panes_of_its_variants_up_to_their_ends(page) -> None:
     page.evaluate(
         f"""() => {{ const chart = {CHARTS}[0]; window.lines = [];

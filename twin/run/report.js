@@ -15,10 +15,10 @@ const { dataset: start = {} } = document.getElementById("plots") ?? {};
 const legendOf = (pane) => JSON.stringify(pane.curves.map(({ label, color, dash }) => [label, color, dash]));
 
 class ReportChart extends Chart {
-  constructor(element, panes, marks) {
+  constructor(element, panes, marks, reach) {
     const isLoop = panes[0].own;
     element.classList.toggle("loop", !!isLoop);
-    super(element, { panes, marks: isLoop ? [] : marks.filter((mark) => panes.some((pane) => isMarked(pane, mark))), source: curvesOf(isLoop) });
+    super(element, { panes, marks: isLoop ? [] : marks.filter((mark) => panes.some((pane) => isMarked(pane, mark))), source: curvesOf(isLoop, reach) });
     this.notify = (event, detail) => this.share(event, detail);
     this.allPanes = panes;
     this.showPane("");
@@ -142,9 +142,8 @@ async function lineOf(name) {
   ended[name] ??= { x: [...stored[name].x, stored[name].x.at(-1) + 1e-9], y: [...y, NaN] }; // no value after the last sample
   return stored[name];
 }
-const curvesOf = (isLoop) => async ({ names, points, from, to }) => {
+const curvesOf = (isLoop, [first, last]) => async ({ names, points, from, to }) => {
   const lines = await Promise.all(names.map(lineOf));
-  const first = Math.min(...lines.map(({ x }) => x[0])), last = Math.max(...lines.map(({ x }) => x.at(-1)));
   const window = from === undefined ? [first, last] : [from, to];
   return { from: first, to: last, last, curves: isLoop ? lines : lines.map((line) => visible(line, ...window, 2 * points)) };
 };
@@ -182,7 +181,8 @@ for (const [id, { panels, marks }] of Object.entries(JSON.parse(document.getElem
   figure.classList.add("live");
   const button = figure.querySelector("figcaption").appendChild(document.createElement("button"));
   Object.assign(button, { type: "button", className: "enlarge", textContent: "Enlarge", onclick: () => enlarge(figure, !figure.classList.contains("large")) });
-  const own = panels.map((panes) => new ReportChart(box.appendChild(document.createElement("div")), panes, marks));
+  const ends = panels.flat().flatMap((pane) => pane.reach ?? []), reach = [Math.min(...ends), Math.max(...ends)]; // one axis of time for all panes of a plot
+  const own = panels.map((panes) => new ReportChart(box.appendChild(document.createElement("div")), panes, marks, reach));
   charts.push(...own);
   button.before(...paneSelect(own));
 }

@@ -105,7 +105,7 @@ class PaneBuilder:
         """Return the pane."""
         plot, is_loop = self.plot, plotting.is_loop_plot(self.plot)
         selected = {case: signals for case, signals in self.tables.items() if case[0] in self.names}
-        curves, spans, worst = [], [], []
+        curves, spans, worst, times = [], [], [], []
         for name in self.names:
             for number, curve in enumerate(plot.curves):
                 seeds = {case: signals for case, signals in selected.items() if case[0] == name}
@@ -117,6 +117,7 @@ class PaneBuilder:
                 if recorded:
                     curves.append(self.curve(curve, number, name, list(recorded.values())))
                 if not is_loop:
+                    times += [float(time[end]) for time, _ in recorded.values() for end in (0, -1)]
                     spans += [
                         span for case, points in recorded.items() for span in self.violating_spans(curve, case, points)
                     ]
@@ -142,7 +143,7 @@ class PaneBuilder:
             "spans": [{"from": begin, "to": end} for begin, end in sorted(set(spans))],
             "limits": self.limits(selected),
             "thinned": self.thinned_to,
-            "reach": reach(selected.values()),
+            "reach": (min(times), max(times)) if times else None,
             **padded_range(worst),
         }
 
@@ -206,7 +207,8 @@ class PaneBuilder:
 
     def limits(self, selected: Tables) -> list[dict[str, Any]]:
         """Return the edges of the band, and the limits of violated expectations over their windows."""
-        first, last = reach(selected.values())
+        first = min(float(signals.time[0]) for signals in selected.values())
+        last = max(float(signals.time[-1]) for signals in selected.values())
         edges = [{"y": self.to_axis(edge), "from": first, "to": last, "failed": False} for edge in self.plot.band or ()]
         return edges + [
             {
@@ -276,9 +278,3 @@ def event_marks(events: Mapping[int, EventLine]) -> list[dict[str, Any]]:
         names = sorted({name for each in variants for name in each}) if all(variants) else []
         marks.append({"at": time, "text": join_numbers(group), "variants": names})
     return marks
-
-
-def reach(recordings: Iterable[Signals]) -> tuple[float, float]:
-    """Return the first and the last time of recordings [s]."""
-    ends = [(float(signals.time[0]), float(signals.time[-1])) for signals in recordings if len(signals.time)]
-    return min(first for first, _ in ends), max(last for _, last in ends)
