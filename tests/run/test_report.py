@@ -6,6 +6,7 @@ Over 400 lines: one finished run serves all tests.
 from __future__ import annotations
 
 import io
+import re
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -264,6 +265,9 @@ def test_the_first_screen_answers() -> None:
     ):
         assert text in head
     verdicts = html[html.index('id="requirements"') : html.index('id="figures"')]
+    key = verdicts[verdicts.index('<table class="key">') : verdicts.index("</table>")]
+    assert re.findall("<tr><td>(.*?)</td>", key) == ["PI", "PI+FF"]
+    assert re.findall('<td class="number">([^<]*)</td></tr>', key)  # twin / paper
     assert html.index("</header>") < html.index('id="requirements"')
     assert verdicts.index("<b>stays &lt;in&gt; band</b>: 0.25 N") < verdicts.index(
         "<summary>1 passed, and 1 of the paper's values within their tolerance ("

@@ -51,6 +51,7 @@ SECTIONS = {  # of report.html: titles in its table of contents
     "parameters": "Parameters",
     "versions": "Versions",
 }
+MAX_KEY_ROWS = 8  # variants of the table on the first screen
 MAX_STRUCTURES = 6  # diagrams, if variants differ
 RULE = (
     "Pointer: values, and the case and time of the scene. Click: time t1, then t2, with values in every pane. Shift-drag: move. "
@@ -64,6 +65,14 @@ def metric_groups(evaluation: Evaluation) -> dict[str, list[dict[str, str]]]:
     for row in metric_rows(evaluation.metric_results):
         groups.setdefault(row["metric"], []).append(row)
     return dict(sorted(groups.items(), key=lambda group: not any(map(is_failure, group[1]))))
+
+
+def key_rows(evaluation: Evaluation) -> list[dict[str, str]]:
+    """Return the rows of the first metric with a published value, for the first screen; none of one or of many variants."""
+    rows = metric_rows(evaluation.metric_results)
+    name = next((row["metric"] for row in rows if row["paper"] != "-"), "")
+    own = [row for row in rows if row["metric"] == name]
+    return own if 1 < len(own) <= MAX_KEY_ROWS else []
 
 
 def compare_with_paper(evaluation: Evaluation) -> str:
@@ -164,6 +173,7 @@ def report_html(
             **page_scripts(figures, films, arrays),
             summary=summary,
             groups=metric_groups(evaluation),
+            key_rows=key_rows(evaluation),
             outcomes=evaluation.expectation_results,
             counts=count_verdicts(summary),
             not_judged=sum(result.verdict == "skipped" for result in evaluation.expectation_results),
