@@ -306,6 +306,28 @@ def test_the_panes_of_a_plot_have_one_axis_of_time(browser, tmp_path) -> None:
 
 
 @pytest.mark.slow
+def test_a_state_has_its_name_under_the_pointer(browser, tmp_path) -> None:
+    """It was `3.00 contact (seeds 2.00 to 3.00)`."""
+    states = {1: np.array([3, 3, 3, 3, 3]), 2: np.array([2, 2, 2, 2, 3])}
+    cases = {
+        ("PI", seed): Signals(np.arange(5.0), {"a.state": value}, {"a.state": "1"}) for seed, value in states.items()
+    }
+    state = expression.parse("a.state")
+    metrics = {"last": Metric("last", state, "final", codes={2: "approach", 3: "contact"})}
+    evaluation = evaluate(metrics, [], cases)
+    summary = results.build_summary(results.RunInfo("x"), evaluation, cases) | {"sentence": ""}
+    text = report_page.report_html(summary, evaluation, cases, plots=[Plot("State", (PlotCurve(state, "state"),))])
+    (tmp_path / "report.html").write_text(text)
+    page = browser.new_page(viewport={"width": 1400, "height": 900})
+    page.goto(f"file://{tmp_path}/report.html")
+    page.wait_for_function(f"() => {CHARTS}[0]?.frames")
+    page.mouse.click(*place(page, 0, 0.5))
+    assert page.locator(".twin-hover div").first.inner_text().endswith("contact (seeds: approach to contact)")
+    assert page.locator(".twin-chip b").first.inner_text() == "contact"
+    page.close()
+
+
+@pytest.mark.slow
 def test_a_mark_is_in_the_panes_of_its_variants_up_to_their_ends(page) -> None:
     page.evaluate(
         f"""() => {{ const chart = {CHARTS}[0]; window.lines = [];

@@ -264,7 +264,8 @@ export class Chart {
     for (const curve of pane.curves) {
       const data = this.data[curve.name];
       const [a, b] = data ? this.cursors.map((x) => at(data, x)) : [];
-      const text = pane.own || !data?.x.length ? "" : this.cursors.length === 2 ? `${number(a, 0)} → ${number(b, 0)}, Δ ${number(b - a, 0)} ${pane.unit}`
+      const names = curve.codes && this.cursors.length ? [a, b].slice(0, this.cursors.length).map((value) => curve.codes[value] ?? number(value, 0)) : null;
+      const text = pane.own || !data?.x.length ? "" : names ? names.join(" → ") : this.cursors.length === 2 ? `${number(a, 0)} → ${number(b, 0)}, Δ ${number(b - a, 0)} ${pane.unit}`
         : this.cursors.length ? `${number(a, 0)} ${pane.unit}` : this.follow ? number(data.y[data.y.length - 1], 0) : "";
       if (curve.shown.textContent !== text) curve.shown.textContent = text;
     }

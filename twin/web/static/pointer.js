@@ -190,7 +190,7 @@ function spreadOf(pane, at, samples, all) {
 }
 
 function rowOf(pane, box, curve, k, all) {
-  const value = (data, index) => (box.logY ? number(data.y[index], 0) : readable(data.y[index], box.low, box.high)), own = all[curve.name], edges = [all[curve.low], all[curve.high]];
-  const over = own.t ? ` over ${readable(own.x[k], box.from, box.to)} ${(pane.x?.unit || "").replace(/[[\]]/g, "")}` : "", band = edges.every((edge) => edge?.x.length) ? ` (seeds ${edges.map((edge) => value(edge, nearest(edge.x, own.x[k]))).join(" to ")})` : "";
-  return { color: curve.color, dash: curve.dash, opacity: curve.opacity, width: curve.width, label: curve.short || curve.label || curve.name, text: `${value(own, k)} ${curve.codes?.[own.y[k]] ?? pane.unit ?? ""}${over}${band}` };
+  const value = (data, index) => curve.codes?.[data.y[index]] ?? (box.logY ? number(data.y[index], 0) : readable(data.y[index], box.low, box.high)), own = all[curve.name], edges = [all[curve.low], all[curve.high]];
+  const over = own.t ? ` over ${readable(own.x[k], box.from, box.to)} ${(pane.x?.unit || "").replace(/[[\]]/g, "")}` : "", band = edges.every((edge) => edge?.x.length) ? ` (seeds${curve.codes ? ":" : ""} ${[...new Set(edges.map((edge) => value(edge, nearest(edge.x, own.x[k]))))].join(" to ")})` : "";
+  return { color: curve.color, dash: curve.dash, opacity: curve.opacity, width: curve.width, label: curve.short || curve.label || curve.name, text: `${value(own, k)} ${curve.codes ? "" : pane.unit ?? ""}${over}${band}`.replace(/ +/g, " ") };
 }
