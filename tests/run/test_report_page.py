@@ -501,6 +501,9 @@ def test_the_machine_is_drawn_as_in_the_viewer_and_moves_with_the_time(browser, 
     page, wrong = browser.new_page(viewport={"width": width, "height": 800}), []
     page.on("pageerror", lambda error: wrong.append(str(error)))
     page.goto(f"file://{tmp_path}/report.html")
+    if width <= 900:  # it would cover the first plot
+        assert page.locator("details.stage").get_attribute("open") is None
+        page.locator("details.stage > summary").click()
     page.locator(".machine svg:visible .on").scroll_into_view_if_needed()
     assert page.locator(".machine svg:visible").count() == 1
     assert not page.locator(".player .fit").is_visible()

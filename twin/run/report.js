@@ -195,6 +195,7 @@ if (films.length) {
   goTo(start);
   stage.querySelector(".film").addEventListener("change", () => { isPinned = true; });
   scrollThrough(stage);
+  if (matchMedia("(max-width: 900px)").matches) stage.closest("details").open = false; // it would cover the first plot
 }
 for (const link of document.querySelectorAll(".failures a[data-variant]")) link.addEventListener("click", () => goTo(link.dataset));
 
