@@ -403,6 +403,10 @@ def test_paper_has_plots_in_light_and_a_phone_has_nothing_cut(page) -> None:
     shown = "(name) => getComputedStyle(document.querySelector(`figure.live > ${name}`)).display"
     assert (page.evaluate(shown, "svg"), page.evaluate(shown, ".panels")) == ("none", "grid")
     page.emulate_media(media="print")
+    breaks = page.eval_on_selector_all(
+        "#plots summary, figcaption", "(all) => all.map((one) => getComputedStyle(one).breakAfter)"
+    )
+    assert set(breaks) == {"avoid"}  # a title stays with its plot
     assert (page.evaluate(shown, "svg"), page.evaluate(shown, ".panels")) == ("block", "none")
     folds = "(all) => all.map((one) => getComputedStyle(one, '::details-content').contentVisibility)"
     assert page.locator("#requirements details:not(.pass)").evaluate_all(folds) == ["visible"]
