@@ -60,8 +60,11 @@ def matrix_cell(result: MetricResult, style: MetricFormat, verdict: str) -> Matr
     factor, offset = si_conversion(metric.unit, metric.is_difference)
     if result.mean is None:
         return MatrixCell("no value", verdict=verdict)
-    text, worst = (style.number(value, result.scale) for value in (result.mean, result.worst))
-    notes = [f"worst {worst}"] * (worst != text)
+    seeds = [value for value in result.values.values() if value is not None]
+    text, worst, low, high = (
+        style.number(value, result.scale) for value in (result.mean, result.worst, min(seeds), max(seeds))
+    )
+    notes = [f"worst {worst}"] * (worst != text) if metric.has_worst else [f"seeds {low} to {high}"] * (low != high)
     if result.paper is not None:
         notes.append(f"paper {style.reference(result.paper).removesuffix(style.label).rstrip()}")
         notes += [f"ratio {result.ratio:.2f}"] * (result.ratio is not None)

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
     from twin.results.evaluation.expression import Expression
 
+NEUTRAL_REDUCTIONS = ("mean", "final")  # no seed of them is the worst one
 DIFFERENCE_REDUCTIONS = ("std", "peak_to_peak")  # differences, whatever the signal is
 
 
@@ -64,6 +65,11 @@ class Metric:
     def is_difference(self) -> bool:
         """Whether the offset of the unit does not matter, as in 2 degC more."""
         return self.reduce in DIFFERENCE_REDUCTIONS or dimension.is_difference(self.signal)
+
+    @property
+    def has_worst(self) -> bool:
+        """Whether one of the seeds is the worst."""
+        return self.reduce not in NEUTRAL_REDUCTIONS
 
     def shown(self, value: float | None, scale: float = 0.0) -> str:
         """Format a value of the metric in its unit."""
