@@ -98,31 +98,44 @@ def test_only_variants_of_the_expectation() -> None:
 
 
 @pytest.mark.parametrize(
-    ("reduce", "instants", "limits"),
+    ("reduce", "samples", "limits"),
     [
-        ("max", {("PI", 1): 2.0}, [2.5]),
-        ("max_abs", {("PI", 1): 2.0, ("FF", 1): 4.0}, []),
+        ("max", {("PI", 1): [1.0, 2.0]}, [2.5]),
+        ("max_abs", {("PI", 1): [1.0, 2.0], ("FF", 1): [4.0]}, [-2.5, 2.5]),
+        ("final", {("FF", 1): [4.0]}, [-2.5, 2.5]),
         ("mean", {}, []),
-        ("peak_to_peak", {("PI", 1): None, ("FF", 1): None}, []),
+        ("peak_to_peak", {("PI", 1): [], ("FF", 1): []}, []),
     ],
 )
-def test_the_sample_that_a_metric_selects(
-    reduce: str, instants: dict[tuple[str, int], float | None], limits: list[float]
+def test_all_samples_that_the_limit_of_an_extreme_excludes(
+    reduce: str, samples: dict[tuple[str, int], list[float]], limits: list[float]
 ) -> None:
     metrics = {"m": Metric("m", FORCE, reduce, unit="N")}
-    found = find(Expectation("", "m", at_most=2.5), metrics)
-    if not instants:
+    found = find(Expectation("", "m", at_least=-2.5 if reduce == "final" else None, at_most=2.5), metrics)
+    if not samples:
         assert found == []
         return
     (violation,) = found
-    assert violation.cases == instants
-    assert violation.limits == limits
-    assert violation.unit == "N"
-    assert violation.text == f"m at most 2.5; {reduce.replace('_', ' ')} of s.force"
+    assert (violation.limits, violation.unit, violation.metric) == (limits, "N", "m")
+    assert f"; {reduce.replace('_', ' ')} of s.force" in violation.text
     assert violation.over_time is (reduce == "peak_to_peak")
-    for case, instant in instants.items():
+    assert list(violation.cases) == list(samples)
+    for case, times in samples.items():
         mask = violation.violating_samples(case, TIME, TABLES[case].values["s.force"])
-        assert mask.tolist() == [time == instant for time in TIME]
+        assert TIME[mask].tolist() == times
+    if reduce.startswith("max"):
+        assert violation.start == (("PI", 1), 2.0)  # the worst sample, not the first one
+
+
+def test_an_extreme_that_no_limit_of_a_sample_explains_is_one_sample() -> None:
+    (found,) = find(Expectation("", "m", at_least=4.5, variants=("PI",)), {"m": Metric("m", FORCE, "max")})
+    assert (found.cases, found.reduce) == ({("PI", 1): 2.0, ("PI", 2): 2.0}, "max")
+
+
+def test_a_failed_extreme_has_the_time_of_its_worst_and_of_its_first_sample() -> None:
+    limit = Expectation("force", "m", at_most=2.5, unit="N")
+    result = evaluate({"m": Metric("m", FORCE, "max_abs", unit="N")}, [limit], TABLES).expectation_results[0]
+    assert result.detail.startswith("4 N at 2 s in PI, seed 1, expected at most 2.5 N; first at 1 s; fails in")
 
 
 def test_least_and_last_samples() -> None:

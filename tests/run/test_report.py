@@ -6,8 +6,10 @@ Over 400 lines: one finished run serves all tests.
 from __future__ import annotations
 
 import io
+import re
 import subprocess
 import sys
+from dataclasses import replace
 from html.parser import HTMLParser
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -164,11 +166,13 @@ def test_failures_come_first_and_the_worst_seed_is_shown() -> None:
 
 
 def test_metrics_without_a_reference_are_columns_of_variants_or_counted() -> None:
-    means = {f"m{i}": Metric(f"m{i}", FORCE, "mean", unit="mN") for i in range(9)}
+    means = {f"m{i}": Metric(f"m{i}", FORCE, "rms", unit="mN") for i in range(9)}
     lines = compact({"error_std": METRIC, **means}, [])
     assert lines[4] == ["mean", "/", "worst", "of", "the", "seeds", "PI", "PI+FF"]
     assert [line[:2] for line in lines[6:]] == [[name, "[mN]"] for name in means]
     assert all(line[3] == "/" and len(line) == 8 for line in lines[6:])
+    neutral = compact({"error_std": METRIC, **{name: replace(one, reduce="mean") for name, one in means.items()}}, [])
+    assert all(len(line) == 4 for line in neutral[6:])  # no seed of a mean is the worst one
     long = {f"{name}_{'x' * 60}": metric for name, metric in means.items()}
     renamed = {name: Metric(name, FORCE, "mean", unit="mN") for name in long}
     assert compact({"error_std": METRIC, **renamed}, [])[4:] == [
@@ -264,6 +268,9 @@ def test_the_first_screen_answers() -> None:
     ):
         assert text in head
     verdicts = html[html.index('id="requirements"') : html.index('id="figures"')]
+    key = verdicts[verdicts.index('<table class="key">') : verdicts.index("</table>")]
+    assert re.findall("<tr><td>(.*?)</td>", key) == ["PI", "PI+FF"]
+    assert re.findall('<td class="number">([^<]*)</td></tr>', key)  # twin / paper
     assert html.index("</header>") < html.index('id="requirements"')
     assert verdicts.index("<b>stays &lt;in&gt; band</b>: 0.25 N") < verdicts.index(
         "<summary>1 passed, and 1 of the paper's values within their tolerance ("
@@ -322,6 +329,8 @@ def test_every_parameter_has_its_value_its_source_and_the_variants_that_use_it()
         ("wall", "stiffness", "set by the scenario; default 2 N/m: paper A"),
         ("wall", "stiffness", "paper A"),
     ]
+    spec = SimpleNamespace(parameters={"k": 1.0}, locations={"k": "/scenarios/parts/x.yaml:3"})
+    assert parameter_table.find_setter(spec, "k", "/scenarios/a.yaml") == "parts/x.yaml:3"
     assert rows[5].source == "set by set.yaml:4; default [0, 1, 2, … 6] (7)"
     assert parameter_table.format_parameter(np.arange(6), "", "") == "[0, 1, 2, 3, 4, 5]"
     assert parameter_table.format_parameter(20.0, "degC", "K") == "293.15"

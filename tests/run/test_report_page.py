@@ -21,6 +21,7 @@ from twin.results import (
     Plot,
     PlotCurve,
     Signals,
+    default_run,
     evaluate,
     expression,
     find_violations,
@@ -165,9 +166,29 @@ def test_a_metric_of_an_analysis_is_marked_in_its_input() -> None:
         summary, evaluation, recorded, plots=PLOTS[1:2], expectations=wanted, analyses=[analysis]
     )
     titles = re.findall("<figcaption><b>(.*?)</b>", text)
-    assert titles == ["Failed: steady, worst 3 s", "Failed: steady", "Loop"]
+    assert titles == ["Failed: steady, worst 3 s", "Loop"]  # the computed values are below the curve
+    assert '<div class="computed"><small>' in text
+    ((pane,),) = draw_plots(PLOTS[1:2], recorded, [], [traced], PackedArrays(), "x")[0].panels
+    window = recorded["PI", 1].values["a.force"][traced.violating_samples(("PI", 1), TIME, TIME)]
+    assert pane["range"] == pytest.approx([window.min(), window.max()], abs=0.07 * np.ptp(window))
     assert "the worst 3 s, which violate steady" in text
     assert "--signal windows.std" not in text
+
+
+def test_a_changed_run_names_the_command_that_compares_it_with_the_default_run(tmp_path) -> None:
+    changed = tmp_path / "2026-01-02_00-00-00"
+    command = report_page.compare_command({"name": "x"}, "runs/x/2026-01-02_00-00-00", "")
+    assert command == "twin run x; twin compare runs/x/latest runs/x/2026-01-02_00-00-00"
+    for day, overrides in ((1, ()), (2, ("a.k=4",)), (3, ("a.k=5",))):
+        folder = tmp_path / f"2026-01-0{day}_00-00-00"
+        folder.mkdir()
+        results.write_summary(folder / "summary.json", {"cases": [1], "overrides": overrides})
+    own = default_run(changed)
+    assert own == tmp_path / "2026-01-01_00-00-00"
+    evaluation = evaluate({}, [LIMIT], tables())
+    summary = results.build_summary(results.RunInfo("x", overrides=("a.k=4",)), evaluation, tables()) | {"sentence": ""}
+    text = report_page.report_html(summary, evaluation, tables(), folder=str(changed), default_folder=str(own))
+    assert f"Against the default run:</span> <code>twin compare {own} {changed}</code>" in text
 
 
 def test_changed_values_stand_below_the_sentence_and_first_in_their_table() -> None:
@@ -213,7 +234,8 @@ def test_panes_hold_what_was_recorded_and_what_failed() -> None:
     assert [limit["y"] for limit in first["limits"]] == pytest.approx([0.1, 0.4, 0.1, 0.22])
     assert [limit["failed"] for limit in first["limits"]] == [False, False, True, True]
     assert set(first["curves"][0]) >= {"name", "low", "high"}
-    assert force.marks == [{"at": 2.0, "text": "1"}]
+    assert force.marks == [{"at": 2.0, "text": "1", "variants": []}]
+    assert first["reach"] == (0.0, 5.0)
     assert force.command == "twin view runs/x --signal a.force"
     assert loop.panels[0][0]["own"]
     assert nothing.panels == []
@@ -261,6 +283,59 @@ def test_values_under_the_pointer_and_one_cursor_of_time(page) -> None:
     assert "(seeds " in text
     assert float(text.split("force")[1].split()[0]) == pytest.approx(value, abs=2e-3)
     assert page.evaluate(f"{CHARTS}[1].time") == pytest.approx(2.5, abs=0.01)
+
+
+@pytest.mark.slow
+def test_the_panes_of_a_plot_have_one_axis_of_time(browser, tmp_path) -> None:
+    """Of two charts side by side the left one ended at 120 s, the right one at 180 s."""
+    time = np.arange(0.0, 181.0)
+    cases = {
+        (f"v{k}", 1): Signals(time[: 121 + 10 * k], {"a.force": time[: 121 + 10 * k]}, {"a.force": "N"})
+        for k in range(7)
+    }
+    evaluation = evaluate({}, [], cases)
+    summary = results.build_summary(results.RunInfo("x"), evaluation, cases) | {"sentence": ""}
+    (tmp_path / "report.html").write_text(report_page.report_html(summary, evaluation, cases, plots=PLOTS[:1]))
+    page = browser.new_page(viewport={"width": 1400, "height": 900})
+    page.goto(f"file://{tmp_path}/report.html")
+    page.wait_for_function(
+        f"() => {{ const charts = {CHARTS}; return charts.length === 2 && charts.every((chart) => chart.frames); }}"
+    )
+    assert page.evaluate(f"{CHARTS}.map((chart) => chart.axis())") == [[0, 180], [0, 180]]
+    page.close()
+
+
+@pytest.mark.slow
+def test_a_state_has_its_name_under_the_pointer(browser, tmp_path) -> None:
+    """It was `3.00 contact (seeds 2.00 to 3.00)`."""
+    states = {1: np.array([3, 3, 3, 3, 3]), 2: np.array([2, 2, 2, 2, 3])}
+    cases = {
+        ("PI", seed): Signals(np.arange(5.0), {"a.state": value}, {"a.state": "1"}) for seed, value in states.items()
+    }
+    state = expression.parse("a.state")
+    metrics = {"last": Metric("last", state, "final", codes={2: "approach", 3: "contact"})}
+    evaluation = evaluate(metrics, [], cases)
+    summary = results.build_summary(results.RunInfo("x"), evaluation, cases) | {"sentence": ""}
+    text = report_page.report_html(summary, evaluation, cases, plots=[Plot("State", (PlotCurve(state, "state"),))])
+    (tmp_path / "report.html").write_text(text)
+    page = browser.new_page(viewport={"width": 1400, "height": 900})
+    page.goto(f"file://{tmp_path}/report.html")
+    page.wait_for_function(f"() => {CHARTS}[0]?.frames")
+    page.mouse.click(*place(page, 0, 0.5))
+    assert page.locator(".twin-hover div").first.inner_text().endswith("contact (seeds: approach to contact)")
+    assert page.locator(".twin-chip b").first.inner_text() == "contact"
+    page.close()
+
+
+@pytest.mark.slow
+def test_a_mark_is_in_the_panes_of_its_variants_up_to_their_ends(page) -> None:
+    page.evaluate(
+        f"""() => {{ const chart = {CHARTS}[0]; window.lines = [];
+        const {{ prototype }} = CanvasRenderingContext2D, plain = prototype.moveTo;
+        prototype.moveTo = function (x, y) {{ if (this.getLineDash().join() === "2,3") window.lines.push(y); plain.call(this, x, y); }};
+        chart.marks = [{{ at: 1, text: "1", variants: ["PI"] }}, {{ at: 6, text: "2" }}]; chart.draw(); window.tops = chart.boxes.map((box) => box.top); }}"""
+    )
+    assert page.evaluate("window.lines") == page.evaluate("window.tops")[:1]
 
 
 @pytest.mark.slow
@@ -328,6 +403,10 @@ def test_paper_has_plots_in_light_and_a_phone_has_nothing_cut(page) -> None:
     shown = "(name) => getComputedStyle(document.querySelector(`figure.live > ${name}`)).display"
     assert (page.evaluate(shown, "svg"), page.evaluate(shown, ".panels")) == ("none", "grid")
     page.emulate_media(media="print")
+    breaks = page.eval_on_selector_all(
+        "#plots summary, figcaption", "(all) => all.map((one) => getComputedStyle(one).breakAfter)"
+    )
+    assert set(breaks) == {"avoid"}  # a title stays with its plot
     assert (page.evaluate(shown, "svg"), page.evaluate(shown, ".panels")) == ("block", "none")
     folds = "(all) => all.map((one) => getComputedStyle(one, '::details-content').contentVisibility)"
     assert page.locator("#requirements details:not(.pass)").evaluate_all(folds) == ["visible"]
@@ -426,6 +505,9 @@ def test_the_machine_is_drawn_as_in_the_viewer_and_moves_with_the_time(browser, 
     page, wrong = browser.new_page(viewport={"width": width, "height": 800}), []
     page.on("pageerror", lambda error: wrong.append(str(error)))
     page.goto(f"file://{tmp_path}/report.html")
+    if width <= 900:  # it would cover the first plot
+        assert page.locator("details.stage").get_attribute("open") is None
+        page.locator("details.stage > summary").click()
     page.locator(".machine svg:visible .on").scroll_into_view_if_needed()
     assert page.locator(".machine svg:visible").count() == 1
     assert not page.locator(".player .fit").is_visible()
@@ -484,6 +566,20 @@ def test_the_scene_plays_and_a_failure_leads_to_its_case_and_time(browser, tmp_p
     )
     page.mouse.move(x, y)
     page.wait_for_function("document.querySelector('.player .film').value === '0'")
+    instant = films[0]["time"][5]  # of the scene: values, scene and cursor are of this sample
+    x, y = page.evaluate(
+        """(time) => { const { chart } = document.querySelector(".twin-chart"), { left, top } = chart.canvas.getBoundingClientRect(), box = chart.boxes[1];
+        return [left + box.across(time) + 0.6, top + box.top + 20]; }""",
+        instant,
+    )
+    film.select_option("1")
+    page.mouse.move(x, y)
+    page.mouse.move(x + 1, y)
+    assert film.input_value() == "1"  # until a pane is clicked
+    page.mouse.click(x, y)
+    page.wait_for_function("document.querySelector('.player .film').value === '0'")
+    page.wait_for_function(f"document.querySelector('.player .now').textContent === '{instant:.3f} s'")
+    assert page.evaluate(f"[{CHARTS}[0].hover.at, ...{CHARTS}[0].cursors]") == [instant, instant]
     assert wrong == []
     page.close()
 

@@ -44,6 +44,7 @@ from .recording import run_folder as run_folder
 from .recording import signals as signals
 from .recording import stream as stream
 from .recording.latest_run import LATEST as LATEST
+from .recording.latest_run import default_run as default_run
 from .recording.latest_run import find_by_time as find_by_time
 from .recording.latest_run import find_results as find_results
 from .recording.latest_run import finished_runs as finished_runs

@@ -134,11 +134,11 @@ def source_analyses(analyses: Iterable[Analysis], signal: Expression) -> list[An
 
 def trace_to_inputs(violation: Violation, analyses: Sequence[Analysis], tables: Tables) -> list[Violation]:
     """Return where a violated metric of an analysis comes from: its worst window of each input; else the violation itself."""
-    sources = source_analyses(analyses, violation.signal) if violation.reduce else []
+    sources = source_analyses(analyses, violation.signal) if violation.metric else []
     if not sources:
         return [violation]
     ends: dict[tuple[str, int], float | None] = {}
-    for case, instant in violation.cases.items():
+    for case, instant in (violation.worst or violation.cases).items():
         parts = list(tables[case].evaluate_parts(violation.signal, violation.window))
         if instant is not None and parts:  # a result that stays for a while is of the window before its last row
             time, value = map(np.concatenate, zip(*parts, strict=True))
@@ -150,6 +150,7 @@ def trace_to_inputs(violation: Violation, analyses: Sequence[Analysis], tables: 
             signal=signal,
             window=Window(),
             cases=ends,
+            worst=ends,
             unit=units.get(signal.single.name, "") if signal.single else "",
             low=None,
             high=None,

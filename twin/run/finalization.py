@@ -10,7 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from twin.errors import SimulationError
-from twin.results import Journal, evaluate, fill_sentence, find_violations, link_latest, worst_seeds_first
+from twin.results import Journal, default_run, evaluate, fill_sentence, find_violations, link_latest, worst_seeds_first
 from twin.results import run_folder as results
 from twin.run.cases import Hardware, RunResult, add_notes
 from twin.run.conditions import OCCURRENCES, condition_notes
@@ -143,5 +143,6 @@ def write_summary_and_report(
             analyses=result.scenario.analyses,
             previous_values=result.scenario.previous_values(),
             folder=str(result.folder),
+            default_folder=str(default_run(result.folder) or "") if result.run.overrides else "",
         )
         results.write_text(result.folder / "report.html", text)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -109,7 +110,14 @@ def find_setter(spec: MemberSpec, name: str, scenario_file: str) -> str:
     location = spec.locations.get(key, "")
     if location.startswith("--"):
         return f"`{location}`"
-    return "the scenario" if location.rpartition(":")[0] in ("", scenario_file) else location
+    file, _, line = location.rpartition(":")
+    if file in ("", scenario_file):
+        return "the scenario"
+    return (
+        f"{os.path.relpath(file, Path(scenario_file).parent.resolve())}:{line}"
+        if Path(file).is_absolute()
+        else location
+    )
 
 
 def is_default(value: Any, variable: MemberVariable) -> bool:

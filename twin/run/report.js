@@ -1,11 +1,12 @@
 // Curves of a report in place of its still plots. All have one window and one cursor of time, which moves the scene too. After player.js.
 
 import { Chart } from "./chart.js";
+import { isMarked } from "./painter.js";
 import { unpack, visible } from "./samples.js";
 import { drawViews, elementOf } from "./views.js";
 
 const charts = [];
-let player = null, shownTime = null, isAtStart = false;
+let player = null, shownTime = null, isAtStart = false, isPinned = false; // pinned: the case of the list, until a pane is clicked or a link followed
 
 // the first violation: the scene and the cursor of time begin there
 const { dataset: start = {} } = document.getElementById("plots") ?? {};
@@ -14,19 +15,20 @@ const { dataset: start = {} } = document.getElementById("plots") ?? {};
 const legendOf = (pane) => JSON.stringify(pane.curves.map(({ label, color, dash }) => [label, color, dash]));
 
 class ReportChart extends Chart {
-  constructor(element, panes, marks) {
+  constructor(element, panes, marks, reach) {
     const isLoop = panes[0].own;
     element.classList.toggle("loop", !!isLoop);
-    super(element, { panes, marks: isLoop ? [] : marks, source: curvesOf(isLoop) });
+    super(element, { panes, marks: isLoop ? [] : marks.filter((mark) => panes.some((pane) => isMarked(pane, mark))), source: curvesOf(isLoop, reach) });
     this.notify = (event, detail) => this.share(event, detail);
     this.allPanes = panes;
     this.showPane("");
     element.chart = this; // for tests, and for the console of the browser
     element.addEventListener("pointermove", () => {
       if (typeof this.hover?.at !== "number") return;
-      selectCase(this.panes[this.hover.pane].case);
+      if (!isPinned) selectCase(this.panes[this.hover.pane].case);
       showTime(this.hover.at, this);
     });
+    element.addEventListener("click", () => { if (this.hover) { isPinned = false; selectCase(this.panes[this.hover.pane].case); } });
     element.addEventListener("pointerleave", () => this.setTime(shownTime));
     scrollThrough(element);
   }
@@ -47,10 +49,18 @@ class ReportChart extends Chart {
     return row;
   }
 
+  // the instant of the scene that is drawn at the same pixel as a time of a pane: scene, values and cursors are of one sample
+  snap(time, index) {
+    const { case: own } = this.panes[index] ?? {}, { across } = this.boxes[index] ?? {}, film = own ? player?.films[films.findIndex((one) => isCase(one, own))] : player?.film;
+    const near = across && film?.time[nearest(film.time, time)];
+    return Math.abs(across?.(near) - across?.(time)) <= 1 ? near : time;
+  }
+  get samples() { return this.panes.some(({ own }) => own) ? this.data : stored; }
+
   // at the cursors, of the stored samples instead of those that are drawn, in every pane
   values(pane) {
     const { data, cursors } = this;
-    if (cursors.length) this.data = { ...data, ...Object.fromEntries(pane.curves.flatMap(({ name }) => (stored.has(name) ? [[name, stored.get(name)]] : []))) };
+    if (cursors.length) this.data = { ...data, ...Object.fromEntries(pane.curves.flatMap(({ name }) => (ended[name] ? [[name, ended[name]]] : []))) };
     super.values(pane);
     this.data = data;
     for (const chip of pane.alike || []) chip.hidden = !cursors.length;
@@ -123,15 +133,17 @@ function scrollThrough(element) {
   element.addEventListener("wheel", (event) => { if (!event.ctrlKey) event.stopPropagation(); }, { capture: true });
 }
 
-// names of curves are the indices of their arrays
-const stored = new Map();
-const curvesOf = (isLoop) => async ({ names, points, from, to }) => {
-  const lines = await Promise.all(names.map(async (name) => {
-    const [x, y] = await Promise.all(name.split(" ").map(unpack));
-    if (!stored.has(name)) stored.set(name, { x: [...x, x.at(-1) + 1e-9], y: [...y, NaN] }); // no value after the last sample
-    return { x, y };
-  }));
-  const first = Math.min(...lines.map(({ x }) => x[0])), last = Math.max(...lines.map(({ x }) => x.at(-1)));
+// names of curves are the indices of their arrays, and the unit of their times [ns]
+const stored = {}, ended = {};
+async function lineOf(name) {
+  const [first, second, step] = name.split(" "), [x, y] = await Promise.all([first, second].map(unpack));
+  if (!step) return { x, y }; // a loop
+  stored[name] ??= { x: x.map((count) => (count * step) / 1e9), y };
+  ended[name] ??= { x: [...stored[name].x, stored[name].x.at(-1) + 1e-9], y: [...y, NaN] }; // no value after the last sample
+  return stored[name];
+}
+const curvesOf = (isLoop, [first, last]) => async ({ names, points, from, to }) => {
+  const lines = await Promise.all(names.map(lineOf));
   const window = from === undefined ? [first, last] : [from, to];
   return { from: first, to: last, last, curves: isLoop ? lines : lines.map((line) => visible(line, ...window, 2 * points)) };
 };
@@ -143,14 +155,16 @@ function showTime(time, origin) {
 }
 
 // show a case in the scene
-function selectCase([variant, seed] = []) {
-  const isCase = ({ case: own }) => own?.[0] === variant && own[1] === +seed, first = films.findIndex(isCase);
-  if (player && first >= 0 && !isCase(films[player.films.indexOf(player.film)])) player.select(first);
+function selectCase(wanted = []) {
+  const first = films.findIndex((film) => isCase(film, wanted));
+  if (player && first >= 0 && !isCase(films[player.films.indexOf(player.film)], wanted)) player.select(first);
 }
+function isCase({ case: own }, [variant, seed]) { return own?.[0] === variant && own[1] === +seed; }
 
 // show a case and a time [s] in the scene, or the time in the charts
 function goTo({ variant, seed, time }) {
   player?.play(false);
+  isPinned = false;
   selectCase([variant, seed]);
   if (time !== undefined) { if (player) player.show(+time); else chartTimes(+time); }
 }
@@ -167,7 +181,8 @@ for (const [id, { panels, marks }] of Object.entries(JSON.parse(document.getElem
   figure.classList.add("live");
   const button = figure.querySelector("figcaption").appendChild(document.createElement("button"));
   Object.assign(button, { type: "button", className: "enlarge", textContent: "Enlarge", onclick: () => enlarge(figure, !figure.classList.contains("large")) });
-  const own = panels.map((panes) => new ReportChart(box.appendChild(document.createElement("div")), panes, marks));
+  const ends = panels.flat().flatMap((pane) => pane.reach ?? []), reach = [Math.min(...ends), Math.max(...ends)]; // one axis of time for all panes of a plot
+  const own = panels.map((panes) => new ReportChart(box.appendChild(document.createElement("div")), panes, marks, reach));
   charts.push(...own);
   button.before(...paneSelect(own));
 }
@@ -178,7 +193,9 @@ if (films.length) {
   const highest = () => Math.max(innerHeight * 0.2, 110), canvas = stage.querySelector(".view");
   player = new Player(stage, films.map((data) => (data.views ? new MachineFilm(stage.querySelector(".machine"), data) : new Film(canvas, data, highest))), chartTimes);
   goTo(start);
+  stage.querySelector(".film").addEventListener("change", () => { isPinned = true; });
   scrollThrough(stage);
+  if (matchMedia("(max-width: 900px)").matches) stage.closest("details").open = false; // it would cover the first plot
 }
 for (const link of document.querySelectorAll(".failures a[data-variant]")) link.addEventListener("click", () => goTo(link.dataset));
 
@@ -186,6 +203,7 @@ for (const link of document.querySelectorAll(".failures a[data-variant]")) link.
 for (const link of document.querySelectorAll("main a[href^='#']")) link.addEventListener("click", () => {
   const target = document.querySelector(link.hash);
   for (const fold of [target.closest("details"), target.querySelector(":scope > details:not(.rule)")]) if (fold) fold.open = true;
+  isPinned = false;
   if (!link.dataset.variant) selectCase(target.querySelector(".twin-chart")?.chart.allPanes.find((pane) => pane.case)?.case);
 });
 
@@ -195,7 +213,7 @@ for (const table of document.querySelectorAll(".scroll, .drawing")) widths.obser
 
 // the viewer that serves this report, if one does: a file cannot start it
 const viewer = document.documentElement.dataset.viewer;
-for (const command of document.querySelectorAll(".command")) {
+for (const command of document.querySelectorAll(".command[data-query]")) {
   if (viewer) {
     const link = command.appendChild(document.createElement("a"));
     link.href = viewer + command.dataset.query;

@@ -55,7 +55,9 @@ def metric_cells(result: MetricResult, style: MetricFormat) -> dict[str, str]:
         "mean": "no value"
         if result.verdict == "none"
         else result.metric.named(result.mean, style.text(result.mean, result.scale)),
-        "worst": result.metric.named(result.worst, style.text(result.worst, result.scale)),
+        "worst": result.metric.named(result.worst, style.text(result.worst, result.scale))
+        if result.metric.has_worst
+        else "-",
         "ratio": "-" if result.ratio is None else f"{result.ratio:.2f}",
         "tolerance": f"± {100 * tolerance:g} %" if tolerance is not None and result.paper is not None else "-",
         "description": result.metric.description,
@@ -200,7 +202,7 @@ class MetricOverview:
             cells = dict.fromkeys(variants, "-")
             for result in group:
                 numbers = [style.number(value, result.scale) for value in (result.mean, result.worst)]
-                cells[result.variant] = " / ".join(numbers if is_mean else numbers[:1])
+                cells[result.variant] = " / ".join(numbers if is_mean and result.metric.has_worst else numbers[:1])
             table.add_row(*map(Text, (f"{name} [{style.label}]" if style.label else name, *cells.values())))
         return table
 

@@ -105,7 +105,7 @@ class PaneBuilder:
         """Return the pane."""
         plot, is_loop = self.plot, plotting.is_loop_plot(self.plot)
         selected = {case: signals for case, signals in self.tables.items() if case[0] in self.names}
-        curves, spans = [], []
+        curves, spans, worst, times = [], [], [], []
         for name in self.names:
             for number, curve in enumerate(plot.curves):
                 seeds = {case: signals for case, signals in selected.items() if case[0] == name}
@@ -117,8 +117,12 @@ class PaneBuilder:
                 if recorded:
                     curves.append(self.curve(curve, number, name, list(recorded.values())))
                 if not is_loop:
+                    times += [float(time[end]) for time, _ in recorded.values() for end in (0, -1)]
                     spans += [
                         span for case, points in recorded.items() for span in self.violating_spans(curve, case, points)
+                    ]
+                    worst += [
+                        value for case, points in recorded.items() for value in self.worst_window(curve, case, points)
                     ]
         pane: dict[str, Any] = {"title": "", "unit": units.shown(plot.unit), "curves": curves}
         if len(self.names) == 1:
@@ -139,6 +143,8 @@ class PaneBuilder:
             "spans": [{"from": begin, "to": end} for begin, end in sorted(set(spans))],
             "limits": self.limits(selected),
             "thinned": self.thinned_to,
+            "reach": (min(times), max(times)) if times else None,
+            **padded_range(worst),
         }
 
     @property
@@ -161,7 +167,8 @@ class PaneBuilder:
         entry: dict[str, Any] = {"label": label, "color": color, "dash": DASHES[style]}
         if curve.x is not None:
             x = plotting.to_unit(time, plot.x_unit, dimension.is_difference(curve.x))
-            return {**entry, "name": self.add(plotting.thin_loop(x, in_unit[0], self.points))}
+            points = plotting.thin_loop(x, in_unit[0], self.points)
+            return {**entry, "name": " ".join(str(self.arrays.index(quantize(values))) for values in points)}
         entry["step"] = bool(plotting.curve_kind(curve, self.tables))
         if names := self.codes.get(curve.signal.text):
             entry["codes"] = names
@@ -171,11 +178,13 @@ class PaneBuilder:
         samples = extreme_samples(list(lines.values()), self.points)
         if len(samples) < len(time):
             self.thinned_to = max(self.thinned_to, float(np.diff(time[samples]).max()))
-        return entry | {name: self.add((time[samples], y[samples])) for name, y in lines.items()}
+        return entry | {name: self.add(time[samples], y[samples]) for name, y in lines.items()}
 
-    def add(self, points: Points) -> str:
-        """Return the name of a curve of the page: the indices of its arrays."""
-        return " ".join(str(self.arrays.index(quantize(values))) for values in points)
+    def add(self, time: NDArray[Any], values: NDArray[Any]) -> str:
+        """Return the name of a curve over time of the page: the indices of its arrays, and the unit of the first one [ns]."""
+        instants = np.rint(time * clock.NANOSECONDS).astype(np.int64)  # exact, since a time names a sample
+        step = int(np.gcd.reduce(instants)) or 1
+        return f"{self.arrays.index((instants // step).astype(float))} {self.arrays.index(quantize(values))} {step}"
 
     def violating_spans(self, curve: PlotCurve, case: tuple[str, int], points: Points) -> Iterable[tuple[float, float]]:
         """Return the spans in which a curve violates an expectation [s]."""
@@ -183,6 +192,18 @@ class PaneBuilder:
         for violation in self.violations:
             if case in violation.cases and violation.concerns(curve.signal):
                 yield from consecutive_spans(time, violation.violating_samples(case, time, value))
+
+    def worst_window(self, curve: PlotCurve, case: tuple[str, int], points: Points) -> list[float]:
+        """Return the extremes of a curve in the worst window of an analysis, if its plot is of this failure alone."""
+        time, value = points
+        masks = [
+            violation.violating_samples(case, time, value)
+            for violation in self.violations
+            if violation.span and case in violation.cases and violation.concerns(curve.signal)
+        ]
+        values = np.concatenate([value[mask & np.isfinite(value)] for mask in masks] or [np.zeros(0)])
+        is_own = self.plot.title.startswith("Failed: ") and len(values)
+        return [self.to_axis(float(edge)) for edge in (values.min(), values.max())] if is_own else []
 
     def limits(self, selected: Tables) -> list[dict[str, Any]]:
         """Return the edges of the band, and the limits of violated expectations over their windows."""
@@ -212,6 +233,11 @@ def shared_range(extremes: Sequence[float], panes: Sequence[Mapping[str, Any]]) 
     low, high = min(values, default=0.0), max(values, default=0.0)
     limits = [limit["y"] for pane in panes for limit in pane["limits"] if limit["failed"]]
     values += [limit for limit in limits if 2 * low - high < limit < 2 * high - low]
+    return padded_range(values)
+
+
+def padded_range(values: Sequence[float]) -> dict[str, list[float]]:
+    """Return `range`, an axis for values with a margin; empty without a finite range."""
     margin = MARGIN * (max(values, default=0.0) - min(values, default=0.0))
     return {"range": [min(values) - margin, max(values) + margin]} if margin else {}
 
@@ -242,8 +268,13 @@ def extreme_samples(lines: Sequence[NDArray[Any]], points: int) -> NDArray[np.in
 
 
 def event_marks(events: Mapping[int, EventLine]) -> list[dict[str, Any]]:
-    """Return numbered events as marks of a chart; those at one time share a mark."""
+    """Return numbered events as marks of a chart; those at one time share a mark. `variants`: whose they are; empty: of all."""
     numbers: dict[float, list[int]] = {}
     for number, event in events.items():
         numbers.setdefault(event.time, []).append(number)
-    return [{"at": time, "text": join_numbers(group)} for time, group in numbers.items()]
+    marks = []
+    for time, group in numbers.items():
+        variants = [events[number].variants for number in group]
+        names = sorted({name for each in variants for name in each}) if all(variants) else []
+        marks.append({"at": time, "text": join_numbers(group), "variants": names})
+    return marks

@@ -17,6 +17,7 @@ class ReportFigure:
 
     `events`: by the numbers of their marks.
     `command`: shows all samples; `query`: of the viewer's address, too. `violations`: names of those it shows. `is_scene`: replaced by a film.
+    `computed`: chart of the values that an analysis computes of its curves.
     """
 
     title: str
@@ -29,3 +30,4 @@ class ReportFigure:
     query: str = ""
     violations: tuple[str, ...] = ()
     is_scene: bool = False
+    computed: ReportFigure | None = None

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from itertools import zip_longest
+from pathlib import PurePath
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -49,6 +51,7 @@ SECTIONS = {  # of report.html: titles in its table of contents
     "parameters": "Parameters",
     "versions": "Versions",
 }
+MAX_KEY_ROWS = 8  # variants of the table on the first screen
 MAX_STRUCTURES = 6  # diagrams, if variants differ
 RULE = (
     "Pointer: values, and the case and time of the scene. Click: time t1, then t2, with values in every pane. Shift-drag: move. "
@@ -62,6 +65,14 @@ def metric_groups(evaluation: Evaluation) -> dict[str, list[dict[str, str]]]:
     for row in metric_rows(evaluation.metric_results):
         groups.setdefault(row["metric"], []).append(row)
     return dict(sorted(groups.items(), key=lambda group: not any(map(is_failure, group[1]))))
+
+
+def key_rows(evaluation: Evaluation) -> list[dict[str, str]]:
+    """Return the rows of the first metric with a published value, for the first screen; none of one or of many variants."""
+    rows = metric_rows(evaluation.metric_results)
+    name = next((row["metric"] for row in rows if row["paper"] != "-"), "")
+    own = [row for row in rows if row["metric"] == name]
+    return own if 1 < len(own) <= MAX_KEY_ROWS else []
 
 
 def compare_with_paper(evaluation: Evaluation) -> str:
@@ -120,12 +131,14 @@ def report_html(
     analyses: Sequence[Analysis] = (),
     previous_values: Sequence[str] = (),
     folder: str = "latest",
+    default_folder: str = "",
 ) -> str:
     """Render report.html. `summary`: from `run_folder.build_summary`; without `plots` every recorded signal is drawn.
 
     `pictures`: finished figures with title, svg and note; `structures`: diagrams as (SVG, remarks) and their variants.
     `refinements`: cells of metrics at half the step. `expectations`: in the order of their results, to mark violations.
-    `previous_values`: of the scenario's overrides. `analyses`: a violated metric of theirs is marked in their inputs. `folder`: of the run, for the commands that show its curves.
+    `previous_values`: of the scenario's overrides. `analyses`: a violated metric of theirs is marked in their inputs. `folder`: of the run, for the commands that show its curves. `default_folder`: of a run
+    with the scenario's own parameters; empty if there is none.
     """
     violations = find_violations(expectations, evaluation, tables)
     tables = worst_seeds_first(tables, violations)
@@ -139,7 +152,7 @@ def report_html(
     curves = draw_plots(
         plots, tables, [row.annotation for row in events], in_curves, arrays, folder, signal_codes(evaluation)
     )
-    first = next((violation for violation in in_curves if not violation.reduce), None)
+    first = next((violation for violation in in_curves if not (violation.reduce or violation.span)), None)
     order = [result.name for result in evaluation.expectation_results]
 
     def rank(figure: ReportFigure) -> tuple[bool, bool, bool, int]:
@@ -148,8 +161,9 @@ def report_html(
         numbers = [order.index(name) for name in figure.violations]
         return not is_first, not numbers, not figure.panels, min(numbers, default=0)
 
-    figures = sorted([*curves, *draw_metric_charts(expectations, evaluation, analyses)], key=rank)
+    figures = sorted(with_computed(curves, draw_metric_charts(expectations, evaluation, analyses)), key=rank)
     films = scenes.films if scenes else []
+    variants = list(dict.fromkeys(variant for variant, _ in tables))
     reason = "; ".join(group_lines(str(summary.get("reason") or "").splitlines(), tables))
     summary = {**summary, "reason": reason, "notes": group_lines(summary.get("notes", ()), tables)}
     return (
@@ -159,6 +173,7 @@ def report_html(
             **page_scripts(figures, films, arrays),
             summary=summary,
             groups=metric_groups(evaluation),
+            key_rows=key_rows(evaluation),
             outcomes=evaluation.expectation_results,
             counts=count_verdicts(summary),
             not_judged=sum(result.verdict == "skipped" for result in evaluation.expectation_results),
@@ -171,6 +186,7 @@ def report_html(
                 *(ReportFigure(picture["title"], picture["svg"], picture["note"]) for picture in pictures),
             ],
             members=group_by_member(parameters),
+            compare=compare_command(summary["scenario"], folder, default_folder),
             changes=describe_changes(summary.get("overrides", ()), previous_values, parameters),
             events=events,
             scenes_left_out=scenes.left_out if scenes else 0,
@@ -181,12 +197,12 @@ def report_html(
             description=split_first_sentence(summary["scenario"]["description"]),
             terminations=early_terminations(terminations),
             has_reference=any(result.paper is not None for result in evaluation.metric_results),
-            variants=list(dict.fromkeys(variant for variant, _ in tables)),
+            variants=variants,
             seeds=list(dict.fromkeys(seed for _, seed in tables)),
             structures=titled_structures(structures[:MAX_STRUCTURES]),
             more_structures=len(structures[MAX_STRUCTURES:]),
             refinements=refinements,
-            matrix=build_matrix(evaluation, violations),
+            matrix=build_matrix(evaluation, violations, variants),
             titles=SECTIONS,
             start=next((violation.start for violation in (first, *in_curves) if violation), None),
             starts={violation.name: violation.start for violation in reversed([*in_curves, *violations])},
@@ -239,6 +255,26 @@ def describe_changes(
         was = f"was {before}" if before not in ("", value) else f"default {default}" if default else ""
         changes.append((f"{name} {value}", was))
     return changes
+
+
+def with_computed(curves: Sequence[ReportFigure], charts: Sequence[ReportFigure]) -> list[ReportFigure]:
+    """Return the figures of curves, each with the chart of the failed metric that an analysis computes of them, and the other charts."""
+    figures, others = list(curves), []
+    for chart in charts:
+        own = [number for number, figure in enumerate(figures) if set(chart.violations) & set(figure.violations)]
+        if own and figures[own[0]].computed is None:
+            figures[own[0]] = replace(figures[own[0]], computed=chart)
+        else:
+            others.append(chart)
+    return [*figures, *others]
+
+
+def compare_command(scenario: Mapping[str, str], folder: str, default_folder: str) -> str:
+    """Return the command that compares a run with one of the scenario's own parameters, which it runs if there is none."""
+    if default_folder:
+        return f"twin compare {default_folder} {folder}"
+    name = scenario.get("path") or scenario["name"]
+    return f"twin run {name}; twin compare {PurePath(folder).parent / 'latest'} {folder}"
 
 
 def page_scripts(

@@ -112,11 +112,11 @@ def events_in_plot(plot: Plot, tables: Tables, events: Iterable[EventLine]) -> d
     """Return the events that a plot over time shows, by their numbers in the table of all events, counted from 1."""
     if plotting.is_loop_plot(plot):
         return {}
-    variants = {variant for variant, _ in plotting.selected_tables(plot, tables)}
+    selected = plotting.selected_tables(plot, tables)
     return {
         number: event
         for number, event in enumerate(events, 1)
-        if is_in_window(plot, event.time) and (not event.variants or variants & set(event.variants))
+        if is_in_window(plot, event.time) and plotting.reaches(event, selected)
     }
 
 

@@ -60,16 +60,22 @@ def matrix_cell(result: MetricResult, style: MetricFormat, verdict: str) -> Matr
     factor, offset = si_conversion(metric.unit, metric.is_difference)
     if result.mean is None:
         return MatrixCell("no value", verdict=verdict)
-    text, worst = (style.number(value, result.scale) for value in (result.mean, result.worst))
-    notes = [f"worst {worst}"] * (worst != text)
+    seeds = [value for value in result.values.values() if value is not None]
+    text, worst, low, high = (
+        style.number(value, result.scale) for value in (result.mean, result.worst, min(seeds), max(seeds))
+    )
+    notes = [f"worst {worst}"] * (worst != text) if metric.has_worst else [f"seeds {low} to {high}"] * (low != high)
     if result.paper is not None:
         notes.append(f"paper {style.reference(result.paper).removesuffix(style.label).rstrip()}")
         notes += [f"ratio {result.ratio:.2f}"] * (result.ratio is not None)
     return MatrixCell(metric.named(result.mean, text), tuple(notes), (result.mean - offset) / factor, verdict)
 
 
-def build_matrix(evaluation: Evaluation, violations: Sequence[Violation]) -> Matrix:
-    """Collect the means of all metrics of all variants; failures come first, then metrics with a reference value."""
+def build_matrix(evaluation: Evaluation, violations: Sequence[Violation], order: Sequence[str] = ()) -> Matrix:
+    """Collect the means of all metrics of all variants; rows with failures come first, and metrics with a reference value.
+
+    `order`: of the variants.
+    """
     by_weight = sorted(
         evaluation.metric_results, key=lambda result: (result.verdict not in FAILED, result.paper is None)
     )
@@ -82,7 +88,8 @@ def build_matrix(evaluation: Evaluation, violations: Sequence[Violation]) -> Mat
         for variant in violation.variants:
             failed_names.setdefault(variant, []).append(violation.name)
     rows = []
-    for variant in dict.fromkeys([*(result.variant for result in evaluation.metric_results), *failed_names]):
+    names = dict.fromkeys([*(result.variant for result in evaluation.metric_results), *failed_names])
+    for variant in dict.fromkeys([*(name for name in order if name in names), *names]):
         cells = []
         for name in metrics:
             result = results.get((variant, name))
@@ -98,4 +105,5 @@ def build_matrix(evaluation: Evaluation, violations: Sequence[Violation]) -> Mat
     columns = tuple(
         (name, formats[name].label, metric.description, metric_definition(metric)) for name, metric in metrics.items()
     )
-    return Matrix(columns, tuple(sorted(rows, key=lambda row: not row.failures)))
+    is_wide = Matrix(columns, tuple(rows)).is_wide  # then variants are columns, in the order of the scenario
+    return Matrix(columns, tuple(rows if is_wide else sorted(rows, key=lambda row: not row.failures)))

@@ -26,7 +26,7 @@ from twin.results.evaluation.hardware_termination import HardwareTermination, ch
 from twin.results.evaluation.limit_failures import CaseRange, describe_failure, describe_limits, violating_samples
 from twin.results.evaluation.metric_format import display_units
 from twin.results.evaluation.ordering import check_order
-from twin.results.evaluation.reduction import INSTANT_INDEX, is_outside, reduce_samples
+from twin.results.evaluation.reduction import INSTANT_INDEX, extreme_times, is_outside, reduce_samples
 from twin.results.recording.signals import FULL_RUN, Signals, Window, format_value
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
     from twin.results.evaluation.expression import Expression
 
+NEUTRAL_REDUCTIONS = ("mean", "final")  # no seed of them is the worst one
 DIFFERENCE_REDUCTIONS = ("std", "peak_to_peak")  # differences, whatever the signal is
 
 
@@ -64,6 +65,11 @@ class Metric:
     def is_difference(self) -> bool:
         """Whether the offset of the unit does not matter, as in 2 degC more."""
         return self.reduce in DIFFERENCE_REDUCTIONS or dimension.is_difference(self.signal)
+
+    @property
+    def has_worst(self) -> bool:
+        """Whether one of the seeds is the worst."""
+        return self.reduce not in NEUTRAL_REDUCTIONS
 
     def shown(self, value: float | None, scale: float = 0.0) -> str:
         """Format a value of the metric in its unit."""
@@ -329,7 +335,11 @@ def check_expectation(
         if expectation.signal is None:
             value = results[variant].values.get(seed) if variant in results else None
             if variant in results:
-                ranges.append(CaseRange(case, *[np.nan if value is None else value] * 2))
+                metric, own, times = results[variant].metric, np.nan if value is None else value, (None, None)
+                if is_outside(own, expectation.at_least, expectation.at_most):
+                    parts = list(signals.evaluate_parts(metric.signal, metric.window))
+                    times = extreme_times(metric.reduce, expectation.at_least, expectation.at_most, parts)
+                ranges.append(CaseRange(case, own, own, times[0], *times))
         elif signals.has(expectation.signal):
             extremes = [
                 extreme_samples(part, expectation)

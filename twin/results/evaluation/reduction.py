@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Sequence
 
     Array = np.ndarray[Any, Any]
 
@@ -74,6 +74,33 @@ INSTANT_INDEX: dict[str, Callable[[Any], Any]] = {  # of the metrics that are th
     "max": np.argmax,
     "final": lambda x: len(x) - 1,
 }
+
+
+def selected_time(reduce: str, parts: Iterable[tuple[Array, Array]]) -> float | None:
+    """Return the time of the sample that a reduction selects [s]; None if it is not a single sample. `parts`: (time, value)."""
+    if reduce not in INSTANT_INDEX:
+        return None
+    select = INSTANT_INDEX[reduce]
+    candidates = [(time[select(value)], value[select(value)]) for time, value in parts if len(value)]
+    return float(candidates[select(np.array([value for _, value in candidates]))][0]) if candidates else None
+
+
+def sample_limits(reduce: str, low: float | None, high: float | None) -> tuple[float | None, float | None]:
+    """Return the limits that every sample must keep for its extreme to keep `low` and `high`; none of other reductions."""
+    if reduce == "max_abs" and high is not None:
+        return -high, high
+    return (low if reduce == "min" else None), (high if reduce == "max" else None)
+
+
+def extreme_times(
+    reduce: str, low: float | None, high: float | None, parts: Sequence[tuple[Array, Array]]
+) -> tuple[float | None, float | None]:
+    """Return the time of the sample that an extreme is, and of the first sample that its limits exclude [s]; None: neither."""
+    if reduce == "final":
+        return None, None
+    limits = sample_limits(reduce, low, high)
+    outside = [time[is_outside(value, *limits)] for time, value in parts if limits != (None, None)]
+    return selected_time(reduce, parts), next((float(times[0]) for times in outside if len(times)), None)
 
 
 def reduce_samples(reduce: str, parts: Iterable[Array]) -> float:

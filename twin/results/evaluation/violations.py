@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from twin.results.evaluation.limit_failures import describe_limits
 from twin.results.evaluation.metrics import Evaluation, Expectation, Metric, MetricResult, Plot
 from twin.results.evaluation.ordering import failing_pairs
-from twin.results.evaluation.reduction import INSTANT_INDEX, is_outside, limit_excess
+from twin.results.evaluation.reduction import is_outside, limit_excess, sample_limits, selected_time
 from twin.results.recording.signals import Signals, Window, window_mask
 
 if TYPE_CHECKING:
@@ -69,11 +69,11 @@ class Violation:
 
     def violating_samples(self, case: tuple[str, int], time: Any, value: Any) -> Any:
         """Return a mask of a case's violating samples, (n,): outside of the limits, or the sample of the metric."""
-        if not self.reduce:
-            return window_mask(np.asarray(time), self.window) & is_outside(value, self.low, self.high)
         mask, instant = np.zeros(len(time), bool), self.cases[case]
         if self.span and instant is not None:
             return (np.asarray(time) > instant - self.span) & (np.asarray(time) <= instant)
+        if not self.reduce:
+            return window_mask(np.asarray(time), self.window) & is_outside(value, self.low, self.high)
         if instant is not None and len(time) and time[0] <= instant <= time[-1]:
             mask[np.argmin(np.abs(np.asarray(time) - instant))] = True
         return mask
@@ -149,6 +149,17 @@ def signal_violation(expectation: Expectation, tables: Tables) -> Violation | No
     )
 
 
+def extreme_violation(expectation: Expectation, metric: Metric, tables: Tables) -> Violation | None:
+    """Find the cases with a sample outside of the limits of their extreme; None if those of every sample do not follow."""
+    low, high = sample_limits(metric.reduce, expectation.at_least, expectation.at_most)
+    if low is None and high is None:
+        return None
+    variants = expectation.variants or metric.variants
+    unit = expectation.unit or metric.unit
+    samples = replace(expectation, signal=metric.signal, window=metric.window, variants=variants, unit=unit)
+    return signal_violation(replace(samples, at_least=low, at_most=high), tables)
+
+
 def worst_seeds_first(tables: Tables, violations: Iterable[Violation]) -> Tables:
     """Return the tables with the seed first in each variant that reports show: the worst of its first violation, of samples first."""
     seeds: dict[str, int] = {}
@@ -158,19 +169,6 @@ def worst_seeds_first(tables: Tables, violations: Iterable[Violation]) -> Tables
     variants = list(dict.fromkeys(variant for variant, _ in tables))
     order = sorted(tables, key=lambda case: (variants.index(case[0]), case[1] != seeds.get(case[0])))
     return {case: tables[case] for case in order}
-
-
-def metric_time(signals: Signals, metric: Metric) -> float | None:
-    """Return the time of the sample that a metric selects [s]; None if it is not a single sample."""
-    if metric.reduce not in INSTANT_INDEX:
-        return None
-    select = INSTANT_INDEX[metric.reduce]
-    candidates = [
-        (time[select(value)], value[select(value)])
-        for time, value in signals.evaluate_parts(metric.signal, metric.window)
-        if len(value)
-    ]
-    return float(candidates[select(np.array([value for _, value in candidates]))][0]) if candidates else None
 
 
 def metric_violation(expectation: Expectation, results: Iterable[MetricResult], tables: Tables) -> Violation | None:
@@ -186,7 +184,9 @@ def metric_violation(expectation: Expectation, results: Iterable[MetricResult], 
     metric = selected[0].metric
     is_combined = bool(expectation.ordered) or expectation.mean
     cases = {
-        (result.variant, seed): metric_time(tables[result.variant, seed], metric)
+        (result.variant, seed): selected_time(
+            metric.reduce, tables[result.variant, seed].evaluate_parts(metric.signal, metric.window)
+        )
         for result in selected
         for seed, value in result.values.items()
         if is_combined or is_outside(np.nan if value is None else value, expectation.at_least, expectation.at_most)
@@ -203,6 +203,9 @@ def metric_violation(expectation: Expectation, results: Iterable[MetricResult], 
     low, high = (
         (expectation.at_least, expectation.at_most) if metric.reduce in ("min", "max", "final") else (None, None)
     )
+    every_sample = None if is_combined else extreme_violation(expectation, metric, tables)
+    if every_sample and set(every_sample.cases) == set(cases):
+        return replace(every_sample, name=expectation.name or name, text=text, metric=metric.name)
     return Violation(
         expectation.name or name,
         text,

@@ -52,6 +52,16 @@ def newest(runs: Iterable[Path]) -> Path:
     return next(filter(has_signals, ordered), ordered[0])
 
 
+def default_run(folder: Path) -> Path | None:
+    """Return the newest finished run beside a run that has the scenario's own parameters; None without one."""
+    for other in sorted(filter(is_finished_run, folder.parent.iterdir()), key=run_order, reverse=True):
+        with suppress(OSError, ValueError, AttributeError):
+            summary = json.loads((other / SUMMARY).read_text(encoding="utf-8"))
+            if other.name != folder.name and summary.get("cases") and not summary.get("overrides"):
+                return other
+    return None
+
+
 def newer_note(folder: Path) -> str:
     """Return a note on a newer run of the scenario that has no signals; "" without such a run."""
     siblings = [other for other in folder.resolve().parent.iterdir() if is_finished_run(other)]

@@ -2,9 +2,10 @@
 //
 //   new Chart(element, {panes, source, span, follow, notify, marks})
 //   panes:  [{title, ending, unit, weight, curves: [{name, label, short, color, step, dash, width, opacity, faint, low, high, about}], band: [low, high], lines: [y], own, log,
-//            x: {label, unit}, spans: [{from, to, text}], range: [low, high], home, domain: [low, high], limits: [{y, from, to, failed}]}]
+//            x: {label, unit}, spans: [{from, to, text}], reach: [first, last], case: [variant, seed], range: [low, high], home, domain: [low, high], limits: [{y, from, to, failed}]}]
 //           `ending`: of all labels, whose rest is `short`. `weight`: height relative to other panes. `own`: over its own x instead of time (x-y, spectra). log: "", "x", "y", "xy"
 //           `range`: of the vertical axis, and `domain`: of its own x, to which a user has zoomed; `home`: the range without zoom (default: `range`)
+//           `reach`: times of the curves' ends; marks (of the pane's variant) and the time cursor are drawn in between only. marks: [{at, text, variants}]
 //           of a curve, other curves of the source: `faint`, drawn faintly behind it; `low` and `high`, with a filled area between them
 //   source: async ({names, from, to, span, points}) -> {from, to, last, curves: [{x, y, t, count}]}; t: times of the points of an x-y plot; count: samples in the window, of which `x` may have the extremes alone; span: length of the last seconds
 //   notify: (event, detail): "window" {from, to, follow, span, all}, "cursors" {a, b}, "time" {at}, "drop" {name, pane}, "remove" {name, pane},
@@ -231,6 +232,10 @@ export class Chart {
 
   axis() { return this.window || this.full; }
 
+  // the time that the pointer means in a pane, and the samples that are read at it: here those that are drawn
+  snap(time) { return time; }
+  get samples() { return this.data; }
+
   // draw at most once a frame; not the curves, if only the pointer, a cursor or the time has moved
   redraw(curves = true) {
     this.changed ||= curves;
@@ -259,7 +264,8 @@ export class Chart {
     for (const curve of pane.curves) {
       const data = this.data[curve.name];
       const [a, b] = data ? this.cursors.map((x) => at(data, x)) : [];
-      const text = pane.own || !data?.x.length ? "" : this.cursors.length === 2 ? `${number(a, 0)} → ${number(b, 0)}, Δ ${number(b - a, 0)} ${pane.unit}`
+      const names = curve.codes && this.cursors.length ? [a, b].slice(0, this.cursors.length).map((value) => curve.codes[value] ?? number(value, 0)) : null;
+      const text = pane.own || !data?.x.length ? "" : names ? names.join(" → ") : this.cursors.length === 2 ? `${number(a, 0)} → ${number(b, 0)}, Δ ${number(b - a, 0)} ${pane.unit}`
         : this.cursors.length ? `${number(a, 0)} ${pane.unit}` : this.follow ? number(data.y[data.y.length - 1], 0) : "";
       if (curve.shown.textContent !== text) curve.shown.textContent = text;
     }

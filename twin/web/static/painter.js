@@ -33,7 +33,7 @@ export function paintOverlays(chart) {
     const box = chart.boxes[index];
     context.save();
     clip(chart, context, box);
-    if (pane.own) drawInstants(chart, context, pane, box); else drawOverlays(chart, context, box);
+    if (pane.own) drawInstants(chart, context, pane, box); else drawOverlays(chart, context, pane, box);
     drawZoom(chart, context, pane, box, index);
     drawHover(chart, context, pane, box);
     context.restore();
@@ -165,11 +165,16 @@ function drawColumns(context, pane, box, width) {
   context.fillText(name, 8, bottom + 5);
 }
 
-function drawOverlays(chart, context, box) {
+// whether a pane shows a mark: where its curves reach, and in its variants only
+export function isMarked({ case: own, reach }, { at, variants = [] }) {
+  return (!reach || (reach[0] <= at && at <= reach[1])) && (!own || !variants.length || variants.includes(own[0]));
+}
+
+function drawOverlays(chart, context, pane, box) {
   const bottom = box.top + box.height, { colors } = chart;
   context.font = "10px system-ui, sans-serif"; context.textBaseline = "top";
   context.strokeStyle = colors.accent; context.globalAlpha = 0.4; context.setLineDash([2, 3]);
-  for (const mark of chart.marks) { const at = box.across(mark.at); line(context, at, box.top, at, bottom); }
+  for (const mark of chart.marks.filter((one) => isMarked(pane, one))) { const at = box.across(mark.at); line(context, at, box.top, at, bottom); }
   context.globalAlpha = 1; context.setLineDash([]);
   chart.cursors.forEach((x, k) => {
     const at = box.across(x);
@@ -178,7 +183,7 @@ function drawOverlays(chart, context, box) {
     context.textAlign = "left";
     context.fillText(`t${k + 1}`, at + 3, bottom - 12);
   });
-  if (chart.time !== null) {
+  if (chart.time !== null && isMarked(pane, { at: chart.time })) {
     const at = box.across(chart.time);
     context.strokeStyle = context.fillStyle = colors.accent; context.lineWidth = 1.5;
     line(context, at, box.top, at, bottom);

@@ -116,12 +116,12 @@ function graspedAt(chart, x, y) {
 }
 
 // the samples nearest to the pointer: over time those at its time, of spectra those at its frequency, of loops the points that are nearest to it
-function samplesAt(chart, index, x, y, all = chart.data) {
-  const box = chart.boxes[index], pane = chart.panes[index], found = [];
+function samplesAt(chart, index, x, y, all = chart.samples) {
+  const box = chart.boxes[index], pane = chart.panes[index], found = [], time = pane.own ? 0 : chart.snap(timeAt(chart, x), index);
   pane.curves.forEach((curve, c) => {
     const data = all[curve.name];
     if (!data?.x.length || chart.dimmed.has(curve.name)) return;
-    if (!pane.own) { const k = nearest(data.x, timeAt(chart, x)); found.push({ curve: c, k, far: Math.abs(box.across(data.x[k]) - x) }); return; }
+    if (!pane.own) { const k = nearest(data.x, time); found.push({ curve: c, k, far: Math.abs(box.across(data.x[k]) - x) }); return; }
     const near = { curve: c, k: -1, far: Infinity };
     for (let k = 0; k < data.x.length; k++) {
       const far = Math.hypot(box.across(data.x[k]) - x, box.logX ? 0 : box.down(data.y[k]) - y);
@@ -136,14 +136,14 @@ function samplesAt(chart, index, x, y, all = chart.data) {
 function snapped(chart, x, y) {
   const index = paneAt(chart, y), pane = chart.panes[index], time = timeAt(chart, x);
   const [first] = pane ? samplesAt(chart, index, x, y) : [];
-  if (pane?.own) return (first && chart.data[pane.curves[first.curve].name].t?.[first.k]) ?? null;
+  if (pane?.own) return (first && chart.samples[pane.curves[first.curve].name].t?.[first.k]) ?? null;
   if (!first) return time;
-  const times = chart.data[pane.curves[first.curve].name].x, inside = times[0] <= time && time <= times[times.length - 1];
+  const times = chart.samples[pane.curves[first.curve].name].x, inside = times[0] <= time && time <= times[times.length - 1];
   return inside || first.far <= NEAR ? times[first.k] : time;
 }
 
-// `all`: samples of the pane's curves, by default those that are drawn
-function hoverAt(chart, x, y, event, all = chart.data) {
+// `all`: samples of the pane's curves
+function hoverAt(chart, x, y, event, all = chart.samples) {
   const index = paneAt(chart, y), box = chart.boxes[index];
   if (!box?.across || y < box.top || y > box.top + box.height || x < LEFT || x > chart.width - RIGHT) return null;
   const pane = chart.panes[index], found = samplesAt(chart, index, x, y, all);
@@ -163,7 +163,7 @@ function hoverAt(chart, x, y, event, all = chart.data) {
 function refine(chart, x, y, event) {
   clearTimeout(chart.resting);
   const { hover } = chart, pane = chart.panes[hover?.pane];
-  if (!pane || pane.own || chart.follow) return;
+  if (!pane || pane.own || chart.follow || chart.samples !== chart.data) return;
   const names = pane.curves.flatMap((curve) => [curve.name, curve.low, curve.high]).filter(Boolean), at = timeAt(chart, x);
   if (names.some((name) => chart.data[name]?.count > chart.data[name]?.x.length)) chart.resting = setTimeout(async () => {
     const frame = await chart.source({ names, points: 16, from: at, to: at });
@@ -190,7 +190,7 @@ function spreadOf(pane, at, samples, all) {
 }
 
 function rowOf(pane, box, curve, k, all) {
-  const value = (data, index) => (box.logY ? number(data.y[index], 0) : readable(data.y[index], box.low, box.high)), own = all[curve.name], edges = [all[curve.low], all[curve.high]];
-  const over = own.t ? ` over ${readable(own.x[k], box.from, box.to)} ${(pane.x?.unit || "").replace(/[[\]]/g, "")}` : "", band = edges.every((edge) => edge?.x.length) ? ` (seeds ${edges.map((edge) => value(edge, nearest(edge.x, own.x[k]))).join(" to ")})` : "";
-  return { color: curve.color, dash: curve.dash, opacity: curve.opacity, width: curve.width, label: curve.short || curve.label || curve.name, text: `${value(own, k)} ${curve.codes?.[own.y[k]] ?? pane.unit ?? ""}${over}${band}` };
+  const value = (data, index) => curve.codes?.[data.y[index]] ?? (box.logY ? number(data.y[index], 0) : readable(data.y[index], box.low, box.high)), own = all[curve.name], edges = [all[curve.low], all[curve.high]];
+  const over = own.t ? ` over ${readable(own.x[k], box.from, box.to)} ${(pane.x?.unit || "").replace(/[[\]]/g, "")}` : "", band = edges.every((edge) => edge?.x.length) ? ` (seeds${curve.codes ? ":" : ""} ${[...new Set(edges.map((edge) => value(edge, nearest(edge.x, own.x[k]))))].join(" to ")})` : "";
+  return { color: curve.color, dash: curve.dash, opacity: curve.opacity, width: curve.width, label: curve.short || curve.label || curve.name, text: `${value(own, k)} ${curve.codes ? "" : pane.unit ?? ""}${over}${band}`.replace(/ +/g, " ") };
 }
