@@ -10,6 +10,7 @@ import twin
 from tests.fmi.clock_parts import described
 from tests.fmi.third_party import NATIVE_XML, archive
 from twin.cli import group
+from twin.cli.list import kinds_of_names
 from twin.component import catalog
 from twin.errors import ScenarioError, TwinError
 from twin.results import find_results
@@ -374,3 +375,32 @@ def test_a_shell_completes(words, offered):
     asked = {"_TWIN_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(len(words.split()) - 1)}
     done = CliRunner().invoke(group, [], prog_name="twin", env=asked)
     assert done.output.splitlines() == offered
+
+
+@pytest.mark.slow
+def test_all_that_is_listed_is_described(run):
+    """By the name that `twin list` shows, also what is listed as a study, and as a file where a component has its name."""
+    failed = {}
+    for kind, listing in kinds_of_names(Path("runs")).items():
+        for name in listing():
+            code, _ = run("describe", name)
+            if code:
+                failed[f"{kind}: {name}"] = code
+    assert failed == {}
+
+
+def test_a_scenario_that_studies_vary_is_a_scenario(run):
+    assert "patient_force" in scenario_paths.scenarios()
+    assert "patient_force" not in scenario_paths.scenarios("study")
+    with pytest.raises(ScenarioError, match="'patient_force' is a scenario: twin run patient_force"):
+        load_study("patient_force")
+    code, lines = run("describe", "patient_force")
+    assert code == 0
+    assert "Run it: twin run patient_force" in lines
+
+
+def test_a_component_with_the_name_of_a_scenario_names_it(run):
+    also = "There is also a scenario of this name: twin describe heart_motion.yaml"
+    assert run("describe", "heart_motion")[1][-1] == also
+    for name in ("heart_motion.yaml", "scenarios/heart_motion"):
+        assert "Run it: twin run heart_motion" in run("describe", name)[1]

@@ -59,6 +59,8 @@ def command(what: str, everything: bool, text: str, runs: Path) -> None:
 
 def show_named(what: str, everything: bool, text: str, runs: Path) -> bool:
     """Describe something by its name or file; return whether a table was printed."""
+    from twin.cli.check import is_study
+    from twin.cli.export import SCENARIO_FILES
     from twin.cli.list import kinds_of_names, show_run
     from twin.component import catalog
     from twin.results import find_by_time, resolve_latest
@@ -67,17 +69,19 @@ def show_named(what: str, everything: bool, text: str, runs: Path) -> bool:
     path = Path(what)
     if path.suffix == ".fmu":
         return show_fmu(path, everything, text)
+    scenarios, studies = scenario_paths.scenarios(), scenario_paths.scenarios("study")
+    files = scenarios | studies
     if ":" in what or what in catalog.names():
         cls = catalog.component(what)
         say(f"{what}: {kind(cls)}")
-        return show_component(cls, everything, text)
-    if what in (scenarios := scenario_paths.scenarios()):
-        return show_scenario(path, everything, text)
-    studies = scenario_paths.scenarios("study")
-    if what in studies or path.parent.name == "studies":
-        return show_study(studies.get(what, path), text)
-    if path.suffix:
-        return show_scenario(path, everything, text)
+        shown = show_component(cls, everything, text)
+        if what in files:
+            say(f"There is also a scenario of this name: twin describe {what}.yaml")
+        return shown
+    if path.stem in files and not path.exists() and (path.suffix or path.parent.name in ("", "scenarios", "studies")):
+        path = files[path.stem]  # such as heart_motion.yaml, where heart_motion is also a component
+    if path.suffix in SCENARIO_FILES:
+        return show_study(path, text) if is_study(str(path)) else show_scenario(path, everything, text)
     folder = resolve_latest(path, root=runs) if path.name == "latest" else find_by_time(runs, path)
     if (folder / "summary.json").is_file():
         return show_run(folder)
@@ -234,12 +238,19 @@ def show_often_changed(scenario: ScenarioSpec) -> None:
         for name, ends in listed.items()
     ]
     show_table(("often changed", "value", "range", "meaning"), rows, 4)
-    command = f"twin run {scenario.name if scenario.path.parent.name == 'scenarios' else scenario.path}"
+    command = f"twin run {scenario.name if is_shipped(scenario.path) else scenario.path}"
     say(f"Run it: {command}")
     if example := next(((name, ends[-1]) for name, ends in listed.items() if ends), None):
         value = f'"{example[1]}"' if " " in str(example[1]) else example[1]
         say(f"Change it: {command} --set {example[0]}={value}")
     say("Parameters and connections: --all or --filter NAME")
+
+
+def is_shipped(path: Path) -> bool:
+    """Whether the name alone leads to the file."""
+    from twin.scenario import scenario_paths
+
+    return scenario_paths.scenarios().get(path.stem) == path
 
 
 def settings_of(scenario: ScenarioSpec) -> list[tuple[str, str, str, str, str]]:
