@@ -238,7 +238,7 @@ def show_often_changed(scenario: ScenarioSpec) -> None:
         for name, ends in listed.items()
     ]
     show_table(("often changed", "value", "range", "meaning"), rows, 4)
-    command = f"twin run {scenario.name if is_shipped(scenario.path) else scenario.path}"
+    command = f"twin run {scenario.name if has_listed_name(scenario.path) else scenario.path}"
     say(f"Run it: {command}")
     if example := next(((name, ends[-1]) for name, ends in listed.items() if ends), None):
         value = f'"{example[1]}"' if " " in str(example[1]) else example[1]
@@ -246,7 +246,7 @@ def show_often_changed(scenario: ScenarioSpec) -> None:
     say("Parameters and connections: --all or --filter NAME")
 
 
-def is_shipped(path: Path) -> bool:
+def has_listed_name(path: Path) -> bool:
     """Whether the name alone leads to the file."""
     from twin.scenario import scenario_paths
 

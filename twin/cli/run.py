@@ -26,7 +26,7 @@ from twin.cli.options import (
     verbose_option,
 )
 from twin.cli.progress import ProgressBar
-from twin.cli.terminal import open_console, say, show_elapsed, show_error, show_outcome, show_text
+from twin.cli.terminal import LABELS, open_console, say, show_elapsed, show_error, show_outcome, show_text
 from twin.errors import TwinError
 from twin.process import supervise
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from twin.scenario import ScenarioSpec
 
 NUMBERS = re.compile(r"[\s\[\]\d.,eE+-]+")  # the value of `--set` is one number or several, without a unit
-NOTE, WARNING = "note: ", "warning: "  # before a remark
+NOTE, WARNING = LABELS
 TIMES = ("start_time", "stop_time", "step", "period", "communication_step")
 
 

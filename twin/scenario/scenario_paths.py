@@ -51,6 +51,14 @@ def scenarios(kind: str = "scenario") -> dict[str, Path]:
     return dict(sorted(paths.items()))
 
 
+def is_shipped(path: Path) -> bool:
+    """Whether a file came with the project."""
+    import sysconfig
+
+    roots = (Path(__file__).parents[2], Path(sysconfig.get_path("data"), SHARE))
+    return any(path.resolve().is_relative_to((root / FOLDERS["scenario"]).resolve()) for root in roots)
+
+
 def is_study_file(path: Path) -> bool:
     """Whether a file has the key `scenario` of a study; one that cannot be read is none."""
     try:
