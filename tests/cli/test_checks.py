@@ -211,7 +211,9 @@ def outcome(**attributes):
     verdicts = ["pass"] * values["met"] + ["fail"] * (values["judged"] - values["met"])
     expectations = [{"verdict": verdict} for verdict in verdicts + ["skipped"] * attributes.get("skipped", 0)]
     return SimpleNamespace(
-        run=SimpleNamespace(status=values["status"], real_time_factor=values["factor"], wall_time=1.2345, reason=""),
+        run=SimpleNamespace(
+            status=values["status"], real_time_factor=values["factor"], wall_time=1.2345, simulated_time=9.0, reason=""
+        ),
         summary={"status": values["status"], "passed": values["passed"], "expectations": expectations, "metrics": {}},
         passed=values["passed"],
         folder=Path(values["folder"]),
@@ -331,3 +333,10 @@ def test_what_is_a_run(tmp_path, monkeypatch):
     assert view.single_run([Path("a")], "x") == Path("a")
     with pytest.raises(click.UsageError, match=r"--scene animates one run, not 2\. Name one\."):
         view.single_run([Path("a"), Path("b")], "--scene animates")
+
+
+def test_an_interruption_before_the_first_step_has_no_time(capsys):
+    done = outcome(status="interrupted", met=3)
+    done.run.wall_time, done.run.simulated_time = 1.47e-5, 0.0
+    show_verdict(done, report=False)
+    assert capsys.readouterr().out.startswith("INTERRUPTED: nothing was simulated. Results:")

@@ -359,8 +359,12 @@ def show_verdict(outcome: RunResult, report: bool) -> None:
     factor = run.real_time_factor
     speed = f" ({factor:.{0 if factor >= 10 else 1}f}x real time)" if factor else ""
     has_failed = counts and word != "PASS"
-    counts, end = (f"{counts}, " if has_failed else f"{counts} " * bool(counts)), ": " if has_failed else " "
+    counts, end = (
+        (f"{counts}, " if has_failed else f"{counts} " * bool(counts)),
+        ": " if has_failed or not run.simulated_time else " ",
+    )
     folder = "latest" if outcome.folder.parent.parent == Path("runs") else str(outcome.folder)
     prefix = "DRY RUN, drives have not moved: " * bool(summary.get("hardware", {}).get("dry_run"))
-    text, file = f"{counts}in {run.wall_time:.3g} s{speed}.", "report.html" if report else "summary.json"
+    took = f"in {max(run.wall_time, 1e-3):.3g} s{speed}" if run.simulated_time else "nothing was simulated"
+    text, file = f"{counts}{took}.", "report.html" if report else "summary.json"
     show_outcome(word, text, outcome.folder / file, f"twin view {folder}", prefix=prefix, end=end)

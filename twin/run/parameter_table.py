@@ -161,8 +161,9 @@ def remarks_on_values(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -
     for option, previous in zip(scenario.overrides, scenario.previous_values(), strict=True):
         for case in scenario.variants:
             remarks |= dict.fromkeys(value_remarks(scenario, case, catalogs[case.variant], option, previous))
-    base = scenario.base_tree()
-    for case in scenario.variants if base is not None else ():
+    if (base := scenario.base_tree()) is None:
+        return list(remarks)
+    for case in scenario.variants:
         own = catalogs[case.variant]
         for where, option, previous in own_values(scenario, case, base):
             lines = value_remarks(scenario, case, own, option, previous)
