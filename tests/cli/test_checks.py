@@ -2,6 +2,7 @@
 
 import errno
 import os
+import sys
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -293,19 +294,28 @@ def test_the_exit_code_of_a_run(capsys, tmp_path, attributes, code):
 
 def test_a_line_for_each_case(capsys):
     shown = RunProgress("a")
-    for case in ("building x", "base, seed 1", "base, seed 1", "base, seed 2"):
+    shown.cases = ["base, seed 1", "base, seed 2"]
+    for case in ("building x", "base, seed 1", "base, seed 1", "base, seed 2", "writing the report"):
         shown.update(case, 0.5)
     shown.show_line("log: x")
     assert capsys.readouterr().err.splitlines() == [
         "building x",
-        "running base, seed 1",
-        "running base, seed 2",
+        "running base, seed 1 (case 1 of 2)",
+        "running base, seed 2 (case 2 of 2)",
+        "writing the report",
         "log: x",
     ]
     quiet = RunProgress("a", enabled=False)
     quiet.update("b", 0.5)
     quiet.show_line("c")
     assert capsys.readouterr().err == ""
+
+
+def test_the_clock_of_a_bar_runs_on_after_a_case(monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    with RunProgress("a") as shown:
+        shown.update("base, seed 1", 1.0)
+        assert not shown.bar.finished
 
 
 def test_interrupted_runs_are_recovered_first(capsys, monkeypatch):

@@ -31,6 +31,8 @@ from twin.errors import TwinError
 from twin.process import supervise
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from twin import clock
     from twin.process import SupervisorChannel
     from twin.run import Hardware, RunResult
@@ -239,6 +241,7 @@ def execute(options: RunArguments, hardware: HardwareOptions, link: SupervisorCh
         scenario = study_case.applied_to(scenario) if study_case is not None else scenario
         drives = hardware.load(options.build)
         display.title = scenario.title
+        display.cases = [case.name for case in scenario.cases(options.variants, options.seeds)]
         with display:
             outcome = run_scenario(scenario, run_options, hardware=drives, channel=link, callbacks=callbacks)
     if study_case is not None:
@@ -285,12 +288,18 @@ class RunProgress(ProgressBar):
     """Progress of a run: a bar on a terminal, one line per case elsewhere; both on stderr."""
 
     case = ""
+    cases: Sequence[str] = ()  # names of all cases, where they are listed
 
     def update(self, case: str, fraction: float) -> None:
         """Show the progress of a case."""
-        self.show(case, fraction)
+        count = (
+            f" (case {self.cases.index(case) + 1} of {len(self.cases)})"
+            if len(self.cases) > 1 and case in self.cases
+            else ""
+        )
+        self.show(case + count, fraction)
         if self.bar is None and self.enabled and case != self.case:
-            say(case if case.startswith("building ") else f"running {case}", err=True)
+            say(case if case.startswith(("building ", "writing ")) else f"running {case}{count}", err=True)
         self.case = case
 
     def show_line(self, line: str) -> None:

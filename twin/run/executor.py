@@ -412,6 +412,7 @@ class RunExecutor:
 
     def finalize(self) -> None:
         """Write the folder; this is not interrupted."""
+        self.callbacks.progress(f"writing the {'report' if self.options.report else 'results'}", 1.0)
         self.channel.note("")
         self.channel.keep(finishing=True)
         self.channel.close()
