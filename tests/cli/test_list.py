@@ -140,10 +140,16 @@ def test_a_run_by_its_time_alone(run, tmp_path):
 
 
 def test_whatever_is_listed_can_be_described(run):
-    assert run("describe", "epos4")[1] == [
+    lines = run("describe", "epos4")[1]
+    assert lines[:2] == [
         "epos4: maxon EPOS4 with an EC-i 40",
         "One of `twin list profiles`. Use it in a hardware file, `profile: epos4`, or simulate it: twin drive --profile epos4",
     ]
+    assert "Identity (1018h): vendor FBh, product 61500000h, revision 1700000h" in lines
+    assert any(
+        line.startswith("Modes of operation: profile position, profile velocity, homing, cyclic") for line in lines
+    )
+    assert "    profile: epos4" in lines
     code, lines = run("describe", "thousand_patients")
     assert (code, lines[0].partition(": ")[2]) == (0, "A thousand patients")
     assert any(
@@ -404,3 +410,24 @@ def test_a_component_with_the_name_of_a_scenario_names_it(run):
     assert run("describe", "heart_motion")[1][-1] == also
     for name in ("heart_motion.yaml", "scenarios/heart_motion"):
         assert "Run it: twin run heart_motion" in run("describe", name)[1]
+
+
+def test_a_run_is_described_with_failures_and_metrics(run, tmp_path):
+    """Judged metrics first."""
+    variants = {
+        "PI": {"mean": 0.03, "paper": 0.04, "verdict": "fail"},
+        "FF": {"mean": 0.5, "paper": None, "verdict": "info"},
+    }
+    folder = tmp_path / "runs" / "some" / "2026-01-01_10-00-00"
+    store_run(
+        folder,
+        scenario={"name": "some", "title": "Some"},
+        started="2026-01-01T10:00:00",
+        expectations=[{"name": "safe", "verdict": "fail", "detail": "2 N."}, {"name": "fast", "verdict": "pass"}],
+        metrics={"force": {"unit": "N", "variants": variants}},
+        notes=["warning: heart.rate=9 Hz is odd."],
+    )
+    lines = run("describe", "latest")[1]
+    assert "FAIL    safe: 2 N." in lines
+    rows = [line.split() for line in lines if line.startswith(" force")]
+    assert rows == [["force", "PI", "30", "mN", "40", "mN", "fail"], ["force", "FF", "500", "mN", "-", "-"]]

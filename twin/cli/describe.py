@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -90,6 +91,9 @@ def show_named(what: str, everything: bool, text: str, runs: Path) -> bool:
         if what in (lines := listing()):
             show_text(f"{what}: {lines[what]}")
             show_text(f"One of `twin list {listed_kind}`.{USES.get(listed_kind, '').format(name=what)}")
+            details = getattr(sys.modules[listing.__module__], "describe", None)  # of another package
+            for line in details(what) if details is not None else ():
+                say(line) if line.startswith(" ") else show_text(line)  # a line of a file stays whole
             return True
     names = [*catalog.names(), *scenarios, *studies, *(name for listing in listings.values() for name in listing())]
     advice = " ".join(filter(None, [suggestion(what, names), "See `twin list`."]))
