@@ -183,7 +183,7 @@ def test_what_is_often_changed_in_a_scenario(run, tmp_path):
     row = next(line for line in lines if line.startswith(" heart.rate"))
     assert [cell.strip() for cell in row.split("  ") if cell.strip()] == [
         "heart.rate",
-        "1 Hz",
+        "60 /min",
         "40 /min to 120 /min",
         "heart rate; a change keeps the phase",
     ]
@@ -297,7 +297,7 @@ def test_what_is_no_fmu(run, tmp_path):
 def test_a_scenario(run):
     code, lines = run("describe", "heart_wall_force")
     assert code == 0
-    assert lines[0].endswith("heart_wall_force.yaml: Contact force against a beating wall")
+    assert lines[0] == "heart_wall_force: Contact force against a beating wall"
     assert any(line.split()[:3] == ["clinical", "range", "0.1"] for line in lines)
     assert any("PI > PI+FF > PI+FF+BW" in line for line in lines)
 
@@ -430,4 +430,4 @@ def test_a_run_is_described_with_failures_and_metrics(run, tmp_path):
     lines = run("describe", "latest")[1]
     assert "FAIL    safe: 2 N." in lines
     rows = [line.split() for line in lines if line.startswith(" force")]
-    assert rows == [["force", "PI", "30", "mN", "40", "mN", "fail"], ["force", "FF", "500", "mN", "-", "-"]]
+    assert rows == [["force", "PI", "0.03", "N", "0.04", "N", "fail"], ["force", "FF", "0.50", "N", "-", "-"]]

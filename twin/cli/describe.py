@@ -200,7 +200,7 @@ def show_scenario(path: Path, everything: bool = False, text: str = "") -> bool:
 
     with show_elapsed(f"reading {path}"):
         scenario = load_scenario(path)
-    say(f"{scenario.path}: {scenario.title}")
+    say(f"{scenario.name if has_listed_name(scenario.path) else scenario.path}: {scenario.title}")
     if not text:
         say_lines(f"{scenario.description}\n{scenario.source and f'From: {scenario.source}.'}")
     seeds = ", ".join(map(str, scenario.seeds))
@@ -238,7 +238,12 @@ def show_often_changed(scenario: ScenarioSpec) -> None:
     listed = scenario.console_parameters
     settings = {name: (value, meaning) for name, value, _, meaning, _ in settings_of(scenario)} if listed else {}
     rows = [
-        (name, settings.get(name, ("", ""))[0], " to ".join(map(str, ends)), settings.get(name, ("", ""))[1])
+        (
+            name,
+            in_unit_of(settings.get(name, ("", ""))[0], ends),
+            " to ".join(map(short, ends)),
+            settings.get(name, ("", ""))[1],
+        )
         for name, ends in listed.items()
     ]
     show_table(("often changed", "value", "range", "meaning"), rows, 4)
@@ -248,6 +253,24 @@ def show_often_changed(scenario: ScenarioSpec) -> None:
         value = f'"{example[1]}"' if " " in str(example[1]) else example[1]
         say(f"Change it: {command} --set {example[0]}={value}")
     say("Parameters and connections: --all or --filter NAME")
+
+
+def in_unit_of(value: str, ends: tuple[Any, ...]) -> str:
+    """Return a value such as `1 Hz` in the unit of the ends of its range: `60 /min`."""
+    from twin.scenario import number
+
+    unit = str(ends[-1]).partition(" ")[2] if ends else ""
+    if not unit or value.partition(" ")[2] == unit:
+        return value
+    try:
+        return f"{number(value, f'1{unit}' if unit.startswith('/') else unit, '.'):.6g} {unit}"
+    except (TwinError, ValueError):  # an array, or a unit of another kind
+        return value
+
+
+def short(limit: Any) -> str:
+    """Return a limit as written; a number without a unit in six digits."""
+    return f"{limit:.6g}" if isinstance(limit, float) else str(limit)
 
 
 def has_listed_name(path: Path) -> bool:

@@ -141,7 +141,10 @@ def format_parameter(value: Any, unit: str, display: str) -> str:
     if array.dtype.kind == "f" and display != unit:
         (factor, offset), (shown_factor, shown_offset) = si_conversion(unit), si_conversion(display)
         array = (array * factor + offset - shown_offset) / shown_factor
-    texts = [f"{item:.6g}" if isinstance(item, float) else str(item) for item in array.ravel().tolist()]
+    texts = [
+        f"{item:.6g}" if isinstance(item, float) else str(item).lower() if isinstance(item, bool) else str(item)
+        for item in array.ravel().tolist()
+    ]
     if display != unit:
         texts = [
             f"{float(text):.4g}" if re.fullmatch(r"-?(0\.0*\d{6}|(?=.{7}$)\d{1,3}\.\d+)", text) else text
