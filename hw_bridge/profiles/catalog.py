@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import importlib
+import inspect
+from pathlib import Path
 from typing import NamedTuple
 
+from hw_bridge.dictionary import Dictionary, Mode
 from hw_bridge.profiles.description import Device, Profile
+from hw_bridge.profiles.motors import MOTORS
 from twin.errors import DeclarationError, nearest
 
 DRIVE_PROFILES = {
@@ -18,6 +22,16 @@ DRIVE_PROFILES = {
 GENERIC = {"cia402": "any drive of CiA 402, by its EDS file"}
 
 DEVICES = {"cia401": "a generic I/O module with digital inputs and outputs (CiA 401)"}
+
+BENCHES = Path(__file__).parents[1] / "benches"
+MODE_NAMES = {
+    Mode.PP: "profile position",
+    Mode.PV: "profile velocity",
+    Mode.HM: "homing",
+    Mode.CSP: "cyclic synchronous position",
+    Mode.CSV: "cyclic synchronous velocity",
+    Mode.CST: "cyclic synchronous torque",
+}
 
 
 class UnsupportedProduct(NamedTuple):
@@ -49,6 +63,34 @@ UNSUPPORTED_PRODUCTS = (
 def listed() -> dict[str, str]:
     """Profiles for `twin list`."""
     return {**DRIVE_PROFILES, **GENERIC, **DEVICES}
+
+
+def describe(name: str) -> list[str]:
+    """Lines of `twin describe`: what the profile is from and its traps, modes, motor, units, and the nodes of a hardware file."""
+    module = importlib.import_module(f"hw_bridge.profiles.{name}")
+    lines = " ".join(inspect.cleandoc(module.__doc__ or "").splitlines()).split("  ")[:2]
+    if name in DRIVE_PROFILES:
+        drive = profile(name)
+        own = identity(name)
+        kinds = ("position", "velocity", "acceleration")
+        units = drive.units(Dictionary(drive.objects, 1), MOTORS[drive.motor_name].pitch or None)
+        symbols = [f"{drive.motor.unit}{end}" for end in ("", "/s", "/s^2")]
+        sizes = [f"{kind} {getattr(units, kind):.4g} {symbol}" for kind, symbol in zip(kinds, symbols, strict=True)]
+        lines += [
+            f"Identity (1018h): vendor {own[1]:X}h, product {own[2]:X}h, revision {own[3]:X}h",
+            f"Modes of operation: {', '.join(MODE_NAMES[mode] for mode in drive.modes)}",
+            f"Motor: {MOTORS[drive.motor_name].title}; `motor` of the hardware file names another: {', '.join(MOTORS)}",
+            f"One device unit, with the drive's defaults: {', '.join(sizes)}",
+            *[f"The hardware file has to give the units of {' and '.join(drive.unstated_units)}."]
+            * bool(drive.unstated_units),
+        ]
+    files = [
+        path for path in sorted(BENCHES.glob("*.yaml")) if f"profile: {name}\n" in path.read_text(encoding="utf-8")
+    ]
+    if files:
+        text = files[0].read_text(encoding="utf-8")
+        lines += [f"A hardware file with it, {files[0].stem}:", *text[text.index("nodes:") :].splitlines()]
+    return lines
 
 
 def unsupported_product(vendor: int, product: int, device_type: int) -> UnsupportedProduct | None:

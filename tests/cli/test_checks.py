@@ -2,6 +2,7 @@
 
 import errno
 import os
+import sys
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -212,7 +213,11 @@ def outcome(**attributes):
     expectations = [{"verdict": verdict} for verdict in verdicts + ["skipped"] * attributes.get("skipped", 0)]
     return SimpleNamespace(
         run=SimpleNamespace(
-            status=values["status"], real_time_factor=values["factor"], wall_time=values.get("took", 1.2345), reason=""
+            status=values["status"],
+            real_time_factor=values["factor"],
+            wall_time=values.get("took", 1.2345),
+            simulated_time=values.get("simulated", 9.0),
+            reason="",
         ),
         tables={("A", 0): SimpleNamespace(time=[0.0, 6.7]), ("A", 1): SimpleNamespace(time=[])},
         summary={"status": values["status"], "passed": values["passed"], "expectations": expectations, "metrics": {}},
@@ -241,7 +246,11 @@ def outcome(**attributes):
         ({"factor": None}, True, "PASS 2 of 3 in 1.23 s. Report:"),
         ({"status": "failed"}, True, "FAILED: 1 of 3 requirements failed, in 1.23 s"),
         ({"status": "interrupted", "met": 3}, True, "INTERRUPTED in 1.23 s"),
-        ({"status": "interrupted", "met": 3, "took": 0.0}, True, "INTERRUPTED after 6.7 s of simulated time. Report"),
+        (
+            {"status": "interrupted", "met": 3, "took": 0.0, "simulated": 0.0},
+            True,
+            "INTERRUPTED after 6.7 s of simulated time. Report",
+        ),
         (
             {"folder": "other/a/1"},
             True,
@@ -295,19 +304,28 @@ def test_the_exit_code_of_a_run(capsys, tmp_path, attributes, code):
 
 def test_a_line_for_each_case(capsys):
     shown = RunProgress("a")
-    for case in ("building x", "base, seed 1", "base, seed 1", "base, seed 2"):
+    shown.cases = ["base, seed 1", "base, seed 2"]
+    for case in ("building x", "base, seed 1", "base, seed 1", "base, seed 2", "writing the report"):
         shown.update(case, 0.5)
     shown.show_line("log: x")
     assert capsys.readouterr().err.splitlines() == [
         "building x",
-        "running base, seed 1",
-        "running base, seed 2",
+        "running base, seed 1 (case 1 of 2)",
+        "running base, seed 2 (case 2 of 2)",
+        "writing the report",
         "log: x",
     ]
     quiet = RunProgress("a", enabled=False)
     quiet.update("b", 0.5)
     quiet.show_line("c")
     assert capsys.readouterr().err == ""
+
+
+def test_the_clock_of_a_bar_runs_on_after_a_case(monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    with RunProgress("a") as shown:
+        shown.update("base, seed 1", 1.0)
+        assert not shown.bar.finished
 
 
 def test_interrupted_runs_are_recovered_first(capsys, monkeypatch):
@@ -335,3 +353,10 @@ def test_what_is_a_run(tmp_path, monkeypatch):
     assert view.single_run([Path("a")], "x") == Path("a")
     with pytest.raises(click.UsageError, match=r"--scene animates one run, not 2\. Name one\."):
         view.single_run([Path("a"), Path("b")], "--scene animates")
+
+
+def test_an_interruption_before_the_first_step_has_no_time(capsys):
+    done = outcome(status="interrupted", met=3)
+    done.run.wall_time, done.run.simulated_time, done.tables = 1.47e-5, 0.0, {}
+    show_verdict(done, report=False)
+    assert capsys.readouterr().out.startswith("INTERRUPTED: nothing was simulated. Results:")

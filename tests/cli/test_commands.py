@@ -129,6 +129,7 @@ def test_checks_of_files(monkeypatch, options, problems, printed, code):
     """Stability is looked at where nothing else is wrong."""
     monkeypatch.setattr(check, "check_file", lambda *_: (problems, "extent"))
     monkeypatch.setattr(check, "check_stability", lambda *_: ["x", "y"])
+    monkeypatch.setattr(check, "remarks_of", lambda *_: [])
     result = CliRunner().invoke(check.command, ["f.yaml", *options])
     assert (result.output.splitlines(), result.exit_code) == (printed, code)
     refused = CliRunner().invoke(check.command, ["f.yaml", "--no-import", "--hardware", "b.yaml"])

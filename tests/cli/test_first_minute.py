@@ -164,8 +164,31 @@ def test_implausible_values_are_named_before_the_run(beats):
     done = invoke(
         "run", "beats.yaml", "--backend", "interpreted", "--no-report", "--set", rate, "--set", "heart.offset=3"
     )
-    assert f"warning: {rate} is outside of the range that the scenario states, 0.666667 Hz to 2 Hz." in done.output
+    line = f"warning: {rate} is outside of the range that the scenario states, 40 /min to 120 /min."
+    assert done.output.count(line) == 2
+    assert done.output.splitlines()[-2] == line  # again above the verdict
+    assert "PASS 1 of 1, 1 warning in " in done.output.splitlines()[-1]
+    assert "PASS 1 of 1, 1 warning; set heart.rate" in invoke("list", "runs").output
     assert "note: heart.offset=3 is 3 m. Write heart.offset='3 mm' if you mean mm." in done.output
+
+
+def test_implausible_values_of_a_file_over_its_base_are_named(beats):
+    """By `twin check` and `twin run`; a misspelled member, too."""
+    beats("0 mm")
+    Path("beats.yaml").write_text(
+        SCENARIO.replace("LIMIT", "0 mm") + "console: {parameters: {heart.rate: [40 /min, 120 /min]}}\n"
+    )
+    text = "extends: beats\nmembers: {heart: {parameters: {rate: 9 Hz, blend_in: 500 s}}, hert: {component: heart}}\n"
+    Path("mine.yaml").write_text(text)
+    lines = [
+        "warning: mine.yaml:2: heart.rate=9 Hz is outside of the range that the scenario states, 40 /min to 120 /min.",
+        "warning: mine.yaml:2: heart.blend_in=500 s is implausible, 500 times the scenario's 1 s.",
+        "note: mine.yaml:2: member `hert` is connected to nothing. Did you mean `heart`?",
+    ]
+    for command in (("check", "mine.yaml"), ("run", "mine.yaml", "--backend", "interpreted", "--no-report")):
+        shown = invoke(*command).output.splitlines()
+        assert [line for line in lines if line not in shown] == []
+    assert invoke("check", "beats.yaml").output.startswith("beats.yaml: ok")
 
 
 def test_a_warning_of_the_scenario_is_noted_if_it_lasts(beats):

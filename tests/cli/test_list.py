@@ -10,6 +10,7 @@ import twin
 from tests.fmi.clock_parts import described
 from tests.fmi.third_party import NATIVE_XML, archive
 from twin.cli import group
+from twin.cli.list import kinds_of_names
 from twin.component import catalog
 from twin.errors import ScenarioError, TwinError
 from twin.results import find_results
@@ -139,10 +140,16 @@ def test_a_run_by_its_time_alone(run, tmp_path):
 
 
 def test_whatever_is_listed_can_be_described(run):
-    assert run("describe", "epos4")[1] == [
+    lines = run("describe", "epos4")[1]
+    assert lines[:2] == [
         "epos4: maxon EPOS4 with an EC-i 40",
         "One of `twin list profiles`. Use it in a hardware file, `profile: epos4`, or simulate it: twin drive --profile epos4",
     ]
+    assert "Identity (1018h): vendor FBh, product 61500000h, revision 1700000h" in lines
+    assert any(
+        line.startswith("Modes of operation: profile position, profile velocity, homing, cyclic") for line in lines
+    )
+    assert "    profile: epos4" in lines
     code, lines = run("describe", "thousand_patients")
     assert (code, lines[0].partition(": ")[2]) == (0, "A thousand patients")
     assert any(
@@ -176,7 +183,7 @@ def test_what_is_often_changed_in_a_scenario(run, tmp_path):
     row = next(line for line in lines if line.startswith(" heart.rate"))
     assert [cell.strip() for cell in row.split("  ") if cell.strip()] == [
         "heart.rate",
-        "1 Hz",
+        "60 /min",
         "40 /min to 120 /min",
         "heart rate; a change keeps the phase",
     ]
@@ -290,7 +297,7 @@ def test_what_is_no_fmu(run, tmp_path):
 def test_a_scenario(run):
     code, lines = run("describe", "heart_wall_force")
     assert code == 0
-    assert lines[0].endswith("heart_wall_force.yaml: Contact force against a beating wall")
+    assert lines[0] == "heart_wall_force: Contact force against a beating wall"
     assert any(line.split()[:3] == ["clinical", "range", "0.1"] for line in lines)
     assert any("PI > PI+FF > PI+FF+BW" in line for line in lines)
 
@@ -374,3 +381,53 @@ def test_a_shell_completes(words, offered):
     asked = {"_TWIN_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(len(words.split()) - 1)}
     done = CliRunner().invoke(group, [], prog_name="twin", env=asked)
     assert done.output.splitlines() == offered
+
+
+@pytest.mark.slow
+def test_all_that_is_listed_is_described(run):
+    """By the name that `twin list` shows, also what is listed as a study, and as a file where a component has its name."""
+    failed = {}
+    for kind, listing in kinds_of_names(Path("runs")).items():
+        for name in listing():
+            code, _ = run("describe", name)
+            if code:
+                failed[f"{kind}: {name}"] = code
+    assert failed == {}
+
+
+def test_a_scenario_that_studies_vary_is_a_scenario(run):
+    assert "patient_force" in scenario_paths.scenarios()
+    assert "patient_force" not in scenario_paths.scenarios("study")
+    with pytest.raises(ScenarioError, match="'patient_force' is a scenario: twin run patient_force"):
+        load_study("patient_force")
+    code, lines = run("describe", "patient_force")
+    assert code == 0
+    assert "Run it: twin run patient_force" in lines
+
+
+def test_a_component_with_the_name_of_a_scenario_names_it(run):
+    also = "There is also a scenario of this name: twin describe heart_motion.yaml"
+    assert run("describe", "heart_motion")[1][-1] == also
+    for name in ("heart_motion.yaml", "scenarios/heart_motion"):
+        assert "Run it: twin run heart_motion" in run("describe", name)[1]
+
+
+def test_a_run_is_described_with_failures_and_metrics(run, tmp_path):
+    """Judged metrics first."""
+    variants = {
+        "PI": {"mean": 0.03, "paper": 0.04, "verdict": "fail"},
+        "FF": {"mean": 0.5, "paper": None, "verdict": "info"},
+    }
+    folder = tmp_path / "runs" / "some" / "2026-01-01_10-00-00"
+    store_run(
+        folder,
+        scenario={"name": "some", "title": "Some"},
+        started="2026-01-01T10:00:00",
+        expectations=[{"name": "safe", "verdict": "fail", "detail": "2 N."}, {"name": "fast", "verdict": "pass"}],
+        metrics={"force": {"unit": "N", "variants": variants}},
+        notes=["warning: heart.rate=9 Hz is odd."],
+    )
+    lines = run("describe", "latest")[1]
+    assert "FAIL    safe: 2 N." in lines
+    rows = [line.split() for line in lines if line.startswith(" force")]
+    assert rows == [["force", "PI", "0.03", "N", "0.04", "N", "fail"], ["force", "FF", "0.50", "N", "-", "-"]]

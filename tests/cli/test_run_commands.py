@@ -51,7 +51,7 @@ def executed(calls, monkeypatch):
     )
     replace(monkeypatch, "twin.study", resolve_case=lambda text, runs: (text, runs), single=lambda *_: single)
     monkeypatch.setattr(run_module, "recover_interrupted", calls("recover"))
-    monkeypatch.setattr(run_module, "read", calls("read", SimpleNamespace(title="Title")))
+    monkeypatch.setattr(run_module, "read", calls("read", SimpleNamespace(title="Title", cases=lambda *_: [])))
 
     def execute(link=None, hardware=None, **options):
         from dataclasses import replace as with_changes
@@ -215,7 +215,11 @@ def test_equal_runs(compared, calls):
     assert calls == [((Path("a"), Path("b")), (SUMMARY, SUMMARY), 1e-9, (), ())]
     names = {"a": "x", "b": "y"}
     one_sentence = "The runs are of two scenarios, x and y: 2 signals and 0 metrics have the same name and case (--all compares them)."
-    assert compared(same, names=names) == (1, [one_sentence])
+    others = [Missing("signal", "first", ("a", "b"))]
+    assert compared(same, names=names, missing=others) == (1, [one_sentence])
+    code, lines = compared(same, names=names)  # all is in both, as where one scenario extends the other
+    assert (code, lines) == (0, [one_sentence.replace(" (--all compares them)", ""), text])
+    assert compared(()) == (1, ["Nothing is compared: no signal in common."])  # e.g. of a run that was interrupted
     assert compared(same, "--all", names=names)[0] == 0
     differ = "The runs differ: 0 of 2 signals (1 equal to the bit, 1 within 1e-09)"
     assert compared(same, problems=["metric m differs"]) == (1, [f"{differ}, 1 metric.", "metric m differs"])
@@ -279,7 +283,7 @@ def test_the_answer_of_a_comparison_is_on_top(compared):
         "metric variant first second change",
         "force PI 10 mN 15 mN +50 %",
         "and 1 more, smaller: use --all",
-        "The runs differ: 0 of 0 signals (0 equal to the bit, 0 within 1e-09), 1 metric, 1 other difference.",
+        "The runs differ: no signal in common, 1 metric, 1 other difference.",
         "status: completed and failed.",
     ]
     lines = compared((), "--all", problems=problems, verdicts=verdicts, changes=changes)[1]

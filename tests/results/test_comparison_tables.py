@@ -309,7 +309,7 @@ def test_metrics_of_both_runs_are_a_table() -> None:
     assert {each.variant for each in metric_changes(first, second, ["FF"])} == {"FF"}
     assert MetricChange("m", "PI", "", 0.0, -2.0).relative == -INF
     html = Comparison((), ("a",), (), 0.0, (), changes)._repr_html_()
-    assert html.startswith("<p>The runs differ: 0 of 0 signals")
+    assert html.startswith("<p>The runs differ: no signal in common")
     assert "<td>force</td>" in html
     assert "<table" not in Comparison((), (), (), 0.0)._repr_html_()
 

@@ -115,7 +115,7 @@ def test_occurrences_in_the_summary() -> None:
         (0.25, "m", "m", "0.25"),
         (0.25, "m", "mm", "250"),
         (2, "", "", "2"),
-        (True, "", "", "True"),
+        (True, "", "", "true"),
         ("file.csv", "", "", "file.csv"),
         (310.15, "K", "degC", "37"),
         (37.0, "degC", "K", "310.15"),

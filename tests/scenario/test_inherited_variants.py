@@ -135,3 +135,14 @@ def test_an_option_names_the_values_of_variants_that_it_replaces() -> None:
     ]
     assert scenario.replaced_values(["calm"]) == []
     assert scenario.previous_values() == ["10 s", "1 Hz", ""]
+
+
+def test_many_variants_that_undo_a_setting_are_counted(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    variants = ", ".join(f"v{i}: {{members: {{heart: {{parameters: {{rate: {i} Hz}}}}}}}}" for i in range(1, 5))
+    (tmp_path / "base.yaml").write_text(
+        f"stop_time: 1 s\nmembers: {{heart: {{component: heart}}}}\nvariants: {{{variants}}}\n"
+    )
+    (tmp_path / "mine.yaml").write_text("extends: base.yaml\nmembers: {heart: {parameters: {rate: 9 Hz}}}\n")
+    load_scenario(tmp_path / "mine.yaml")
+    (record,) = caplog.records
+    assert ": heart.rate: no effect in v1 and 3 more, with their own heart (" in record.getMessage()

@@ -8,6 +8,7 @@ from __future__ import annotations
 import errno
 import gc
 import importlib
+import logging
 import os
 import sys
 from contextlib import suppress
@@ -17,7 +18,7 @@ import click
 
 from twin import __version__
 from twin.cli.plugins import plugin_commands, summary
-from twin.cli.terminal import handle_broken_pipe, line_width, open_streams, say, show_error, wrap_text
+from twin.cli.terminal import NoteHandler, handle_broken_pipe, line_width, open_streams, say, show_error, wrap_text
 from twin.errors import TwinError, nearest, printable
 from twin.process import command_line, end, handle_signals, is_interrupted, memory_is_limited
 
@@ -170,6 +171,7 @@ def run_command(command: click.Command, name: str) -> int:
     """Run a command and return its exit code."""
     try:
         refuse_bytes([*sys.argv[1:], str(Path.cwd())])
+        logging.getLogger("twin").addHandler(NoteHandler())
         command(prog_name=name, standalone_mode=False)
     except SystemExit as error:
         if not isinstance(error.code, int):

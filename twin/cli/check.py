@@ -11,7 +11,7 @@ import click
 
 from twin.cli import completion
 from twin.cli.options import hardware_option, option, overrides_option
-from twin.cli.terminal import say, show_elapsed
+from twin.cli.terminal import LABELS, say, show_elapsed, show_text
 from twin.errors import CouplingError, ScenarioError
 
 if TYPE_CHECKING:
@@ -63,9 +63,12 @@ def command(
         with show_elapsed(f"checking {file}"):
             problems, extent = check_file(file, overrides, hardware, not no_import, Path("build"))
         for problem in problems:
-            say(problem)
-        for note in [*notes(file), *(hardware.bounds() if hardware is not None and not problems else ())]:
-            say(f"note: {note}")
+            show_text(problem)
+        lines = [*notes(file), *(hardware.bounds() if hardware is not None and not problems else ())]
+        remarks = remarks_of(file, overrides) if not problems and not no_import else []
+        for line in [*remarks, *(f"note: {note}" for note in lines)]:
+            label = next(filter(line.startswith, LABELS))
+            show_text(line.removeprefix(label), label)
         if stability and not problems:
             problems = check_stability(file, overrides)
         if not problems:
@@ -186,6 +189,17 @@ def notes(file: str) -> list[str]:
     with suppress(ScenarioError):
         return ssp_reader.notes(Path(file), file)
     return []
+
+
+def remarks_of(file: str, overrides: tuple[str, ...]) -> list[str]:
+    """Return the remarks on the values of a scenario without problems, as `twin run` prints them."""
+    from twin.run import remarks_on_values, resolve_catalogs
+    from twin.scenario import load_scenario
+
+    if is_study(file):
+        return []
+    scenario = load_scenario(file, overrides)
+    return remarks_on_values(scenario, resolve_catalogs(scenario))
 
 
 def describe_extent(scenario: ScenarioSpec) -> str:

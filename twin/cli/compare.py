@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -12,8 +12,6 @@ from twin.cli.options import signal_option
 from twin.cli.terminal import say, show_table, show_text
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from twin.results import Comparison, MetricChange
 
 MAX_LISTED = 20  # metrics, and other differences, without --all
@@ -53,7 +51,7 @@ def command(
     relative change, without those that changed within the spread of the seeds (--all lists them). Signals are sorted by relative difference, each with that of the case in which it is largest
     and the number of cases; the signal with the earliest `from` is the likeliest cause. Requirements
     are of all variants: --variant leaves them out. Runs with different communication steps are compared by
-    interpolation, with a note.
+    interpolation, with a note. Runs of two scenarios are compared if they have most signals and metrics in common.
 
     \b
     twin compare runs/mine/2026-11-22_08-14-00 runs/mine/latest
@@ -68,9 +66,16 @@ def command(
     comparison = compare_runs(folders, summaries, tolerance, patterns, variants)
     for word, folder, summary in zip(("first", "second"), folders, summaries, strict=True):
         show_text(f"{with_time(folder, str(summary['started']))}; {outcome(folder)}", f"{word}: ")
-    if summaries[0]["scenario"]["name"] != summaries[1]["scenario"]["name"] and not everything:
-        show_text(two_scenarios(comparison, summaries))
-        sys.exit(1)
+    names = [summary["scenario"]["name"] for summary in summaries]
+    if names[0] != names[1]:
+        counts, is_related = common_names(comparison)
+        show_text(
+            f"The runs are of two scenarios, {' and '.join(names)}: {counts} have the same name and case{'' if is_related or everything else ' (--all compares them)'}."
+        )
+        if not is_related and not everything:
+            sys.exit(1)
+    if folders[0].resolve() == folders[1].resolve():
+        show_text("Both are the same run.", "note: ")
     cases = [entry for entry in comparison.missing if entry.kind == "case"]
     for entry in cases:
         show_text(entry.text(len(entry.names) if everything else MAX_CASES))
@@ -103,11 +108,11 @@ def with_time(folder: Path, started: str) -> str:
     )
 
 
-def two_scenarios(comparison: Comparison, summaries: Sequence[Mapping[str, Any]]) -> str:
-    """Return a sentence on what runs of two scenarios have in common."""
-    names = " and ".join(summary["scenario"]["name"] for summary in summaries)
+def common_names(comparison: Comparison) -> tuple[str, bool]:
+    """Return how many signals and metrics runs of two scenarios have in common, and whether that is most of them."""
     signals, metrics = ({each.name for each in comparison.differences}, {each.metric for each in comparison.changes})
-    return f"The runs are of two scenarios, {names}: {len(signals)} signals and {len(metrics)} metrics have the same name and case (--all compares them)."
+    single = {name for entry in comparison.missing if entry.kind in ("signal", "metric") for name in entry.names}
+    return f"{len(signals)} signals and {len(metrics)} metrics", len(signals) + len(metrics) > len(single)
 
 
 def show_verdicts(comparison: Comparison, everything: bool, *, has_all_cases: bool) -> None:

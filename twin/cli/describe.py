@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -59,6 +60,8 @@ def command(what: str, everything: bool, text: str, runs: Path) -> None:
 
 def show_named(what: str, everything: bool, text: str, runs: Path) -> bool:
     """Describe something by its name or file; return whether a table was printed."""
+    from twin.cli.check import is_study
+    from twin.cli.export import SCENARIO_FILES
     from twin.cli.list import kinds_of_names, show_run
     from twin.component import catalog
     from twin.results import find_by_time, resolve_latest
@@ -67,17 +70,19 @@ def show_named(what: str, everything: bool, text: str, runs: Path) -> bool:
     path = Path(what)
     if path.suffix == ".fmu":
         return show_fmu(path, everything, text)
+    scenarios, studies = scenario_paths.scenarios(), scenario_paths.scenarios("study")
+    files = scenarios | studies
     if ":" in what or what in catalog.names():
         cls = catalog.component(what)
         say(f"{what}: {kind(cls)}")
-        return show_component(cls, everything, text)
-    if what in (scenarios := scenario_paths.scenarios()):
-        return show_scenario(path, everything, text)
-    studies = scenario_paths.scenarios("study")
-    if what in studies or path.parent.name == "studies":
-        return show_study(studies.get(what, path), text)
-    if path.suffix:
-        return show_scenario(path, everything, text)
+        shown = show_component(cls, everything, text)
+        if what in files:
+            say(f"There is also a scenario of this name: twin describe {what}.yaml")
+        return shown
+    if path.stem in files and not path.exists() and (path.suffix or path.parent.name in ("", "scenarios", "studies")):
+        path = files[path.stem]  # such as heart_motion.yaml, where heart_motion is also a component
+    if path.suffix in SCENARIO_FILES:
+        return show_study(path, text) if is_study(str(path)) else show_scenario(path, everything, text)
     folder = resolve_latest(path, root=runs) if path.name == "latest" else find_by_time(runs, path)
     if (folder / "summary.json").is_file():
         return show_run(folder)
@@ -86,6 +91,9 @@ def show_named(what: str, everything: bool, text: str, runs: Path) -> bool:
         if what in (lines := listing()):
             show_text(f"{what}: {lines[what]}")
             show_text(f"One of `twin list {listed_kind}`.{USES.get(listed_kind, '').format(name=what)}")
+            details = getattr(sys.modules[listing.__module__], "describe", None)  # of another package
+            for line in details(what) if details is not None else ():
+                say(line) if line.startswith(" ") else show_text(line)  # a line of a file stays whole
             return True
     names = [*catalog.names(), *scenarios, *studies, *(name for listing in listings.values() for name in listing())]
     advice = " ".join(filter(None, [suggestion(what, names), "See `twin list`."]))
@@ -192,7 +200,7 @@ def show_scenario(path: Path, everything: bool = False, text: str = "") -> bool:
 
     with show_elapsed(f"reading {path}"):
         scenario = load_scenario(path)
-    say(f"{scenario.path}: {scenario.title}")
+    say(f"{scenario.name if has_listed_name(scenario.path) else scenario.path}: {scenario.title}")
     if not text:
         say_lines(f"{scenario.description}\n{scenario.source and f'From: {scenario.source}.'}")
     seeds = ", ".join(map(str, scenario.seeds))
@@ -230,16 +238,46 @@ def show_often_changed(scenario: ScenarioSpec) -> None:
     listed = scenario.console_parameters
     settings = {name: (value, meaning) for name, value, _, meaning, _ in settings_of(scenario)} if listed else {}
     rows = [
-        (name, settings.get(name, ("", ""))[0], " to ".join(map(str, ends)), settings.get(name, ("", ""))[1])
+        (
+            name,
+            in_unit_of(settings.get(name, ("", ""))[0], ends),
+            " to ".join(map(short, ends)),
+            settings.get(name, ("", ""))[1],
+        )
         for name, ends in listed.items()
     ]
     show_table(("often changed", "value", "range", "meaning"), rows, 4)
-    command = f"twin run {scenario.name if scenario.path.parent.name == 'scenarios' else scenario.path}"
+    command = f"twin run {scenario.name if has_listed_name(scenario.path) else scenario.path}"
     say(f"Run it: {command}")
     if example := next(((name, ends[-1]) for name, ends in listed.items() if ends), None):
         value = f'"{example[1]}"' if " " in str(example[1]) else example[1]
         say(f"Change it: {command} --set {example[0]}={value}")
     say("Parameters and connections: --all or --filter NAME")
+
+
+def in_unit_of(value: str, ends: tuple[Any, ...]) -> str:
+    """Return a value such as `1 Hz` in the unit of the ends of its range: `60 /min`."""
+    from twin.scenario import number
+
+    unit = str(ends[-1]).partition(" ")[2] if ends else ""
+    if not unit or value.partition(" ")[2] == unit:
+        return value
+    try:
+        return f"{number(value, f'1{unit}' if unit.startswith('/') else unit, '.'):.6g} {unit}"
+    except (TwinError, ValueError):  # an array, or a unit of another kind
+        return value
+
+
+def short(limit: Any) -> str:
+    """Return a limit as written; a number without a unit in six digits."""
+    return f"{limit:.6g}" if isinstance(limit, float) else str(limit)
+
+
+def has_listed_name(path: Path) -> bool:
+    """Whether the name alone leads to the file."""
+    from twin.scenario import scenario_paths
+
+    return scenario_paths.scenarios().get(path.stem) == path
 
 
 def settings_of(scenario: ScenarioSpec) -> list[tuple[str, str, str, str, str]]:

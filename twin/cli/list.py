@@ -10,13 +10,15 @@ import click
 
 from twin import installed
 from twin.cli.options import filter_option, runs_option
-from twin.cli.terminal import open_console, show_text
+from twin.cli.terminal import open_console, show_table, show_text
 from twin.errors import ScenarioError, TwinError, nearest, quote_names
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
 MAX_OVERRIDES = 4  # of a run
+VERDICTS = {"info": "-", "cut": "run too short", "none": "no value", "other": "other settings"}  # of a metric
+MAX_METRICS = 20  # of the description of a run
 MAX_RUNS = 3  # in the overview
 Listing = dict[str, str]  # descriptions by name
 
@@ -175,7 +177,7 @@ def outcome(folder: Path) -> str:
 
 
 def show_run(folder: Path) -> bool:
-    """Print how a run ended, in what it differs from its scenario, and what to do with it; return True."""
+    """Print how a run ended, in what it differs from its scenario, failures, metrics, and what to do with it; return True."""
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     about = summary["scenario"]
     name = folder.resolve().name if folder.parent.parent == Path("runs") else folder
@@ -183,9 +185,32 @@ def show_run(folder: Path) -> bool:
     for line in (about["title"], outcome(folder), summary.get("sentence", "")):
         if line:
             show_text(line)
+    for entry in summary["expectations"]:
+        if entry["verdict"] == "fail":
+            show_text(f"{entry['name']}: {entry['detail']}", "FAIL    ")
+    show_metrics(summary["metrics"])
     show_text(f"Look: twin view {name}")
     show_text(f"Compare with another run: twin compare {name} RUN")
     return True
+
+
+def show_metrics(metrics: dict[str, Any]) -> None:
+    """Print the metrics of a summary, means over the seeds, those that are judged first."""
+    from twin.results import common_format, display_units, si_conversion
+
+    units = display_units({name: metric["unit"] for name, metric in metrics.items()})
+    rows = []
+    for name, metric in metrics.items():
+        factor, offset = si_conversion(metric["unit"])
+        texts = [[entry["mean"], entry["paper"]] for entry in metric["variants"].values()]
+        shown = common_format([x * factor + offset for pair in texts for x in pair if x is not None], units[name])
+        for (variant, entry), pair in zip(metric["variants"].items(), texts, strict=True):
+            cells = ["-" if value is None else shown.text(value * factor + offset) for value in pair]
+            rows.append([name, variant, *cells, VERDICTS.get(entry["verdict"], entry["verdict"])])
+    rows.sort(key=lambda row: (row[-1] != "fail", row[-1] == "-"))
+    show_table(("metric", "variant", "mean", "reference", "verdict"), rows[:MAX_METRICS], 2, texts=1)
+    if len(rows) > MAX_METRICS:
+        show_text(f"and {len(rows) - MAX_METRICS} more in summary.json and the report")
 
 
 def settings(summary: dict[str, Any], scenario: Path) -> list[str]:

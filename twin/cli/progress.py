@@ -11,6 +11,7 @@ from twin.cli.terminal import make_bar
 if TYPE_CHECKING:
     from rich.progress import Progress
 
+UNFINISHED = 0.9999  # largest fraction of a bar: the clock of a finished one stops, though more follows
 BAR_DELAY = 1.0  # a `DelayedBar` appears after this time [s]
 
 
@@ -31,7 +32,7 @@ class ProgressBar:
     def show(self, text: str, fraction: float) -> None:
         """Update the bar."""
         if self.bar is not None:
-            self.bar.update(self.task, description=text, completed=fraction)
+            self.bar.update(self.task, description=text, completed=min(fraction, UNFINISHED))
 
     def __exit__(self, *_: object) -> None:
         if self.bar is not None:

@@ -26,18 +26,20 @@ from twin.cli.options import (
     verbose_option,
 )
 from twin.cli.progress import ProgressBar
-from twin.cli.terminal import open_console, say, show_elapsed, show_error, show_outcome, show_text
+from twin.cli.terminal import LABELS, open_console, say, show_elapsed, show_error, show_outcome, show_text
 from twin.errors import TwinError
 from twin.process import supervise
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from twin import clock
     from twin.process import SupervisorChannel
     from twin.run import Hardware, RunResult
     from twin.scenario import ScenarioSpec
 
 NUMBERS = re.compile(r"[\s\[\]\d.,eE+-]+")  # the value of `--set` is one number or several, without a unit
-NOTE, WARNING = "note: ", "warning: "  # before a remark
+NOTE, WARNING = LABELS
 TIMES = ("start_time", "stop_time", "step", "period", "communication_step")
 
 
@@ -239,6 +241,7 @@ def execute(options: RunArguments, hardware: HardwareOptions, link: SupervisorCh
         scenario = study_case.applied_to(scenario) if study_case is not None else scenario
         drives = hardware.load(options.build)
         display.title = scenario.title
+        display.cases = [case.name for case in scenario.cases(options.variants, options.seeds)]
         with display:
             outcome = run_scenario(scenario, run_options, hardware=drives, channel=link, callbacks=callbacks)
     if study_case is not None:
@@ -285,12 +288,18 @@ class RunProgress(ProgressBar):
     """Progress of a run: a bar on a terminal, one line per case elsewhere; both on stderr."""
 
     case = ""
+    cases: Sequence[str] = ()  # names of all cases, where they are listed
 
     def update(self, case: str, fraction: float) -> None:
         """Show the progress of a case."""
-        self.show(case, fraction)
+        count = (
+            f" (case {self.cases.index(case) + 1} of {len(self.cases)})"
+            if len(self.cases) > 1 and case in self.cases
+            else ""
+        )
+        self.show(case + count, fraction)
         if self.bar is None and self.enabled and case != self.case:
-            say(case if case.startswith("building ") else f"running {case}", err=True)
+            say(case if case.startswith(("building ", "writing ")) else f"running {case}{count}", err=True)
         self.case = case
 
     def show_line(self, line: str) -> None:
@@ -358,13 +367,17 @@ def show_verdict(outcome: RunResult, report: bool) -> None:
     word, counts = describe_outcome(summary)
     factor = run.real_time_factor
     speed = f" ({factor:.{0 if factor >= 10 else 1}f}x real time)" if factor else ""
+    ends = [float(table.time[-1]) for table in outcome.tables.values() if len(table.time)]
+    simulated = run.simulated_time or max(ends, default=0.0)
     has_failed = counts and word != "PASS"
-    counts, end = (f"{counts}, " if has_failed else f"{counts} " * bool(counts)), ": " if has_failed else " "
+    counts, end = (
+        (f"{counts}, " if has_failed else f"{counts} " * bool(counts)),
+        ": " if has_failed or not simulated else " ",
+    )
     folder = "latest" if outcome.folder.parent.parent == Path("runs") else str(outcome.folder)
     prefix = "DRY RUN, drives have not moved: " * bool(summary.get("hardware", {}).get("dry_run"))
-    took = f"in {run.wall_time:.3g} s{speed}"
-    if not run.wall_time:  # of a recovered run: its processes were killed before they could tell
-        ends = [float(table.time[-1]) for table in outcome.tables.values() if len(table.time)]
-        took = f"after {max(ends, default=0.0):.3g} s of simulated time"
+    took = f"in {max(run.wall_time, 1e-3):.3g} s{speed}" if simulated else "nothing was simulated"
+    if simulated and not run.wall_time:  # of a recovered run: its processes were killed before they could tell
+        took = f"after {simulated:.3g} s of simulated time"
     text, file = f"{counts}{took}.", "report.html" if report else "summary.json"
     show_outcome(word, text, outcome.folder / file, f"twin view {folder}", prefix=prefix, end=end)

@@ -6,6 +6,7 @@ that the terminal lacks does not end the command.
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 import threading
@@ -29,6 +30,7 @@ UNLIMITED = 10_000  # columns
 MAX_NAME = 40  # letters of a name that a table does not break
 NO_BREAK_SPACE = "\N{NO-BREAK SPACE}"
 SECOND = 1.0
+LABELS = ("note: ", "warning: ")  # before a remark
 BROKEN_PIPE = 141  # exit code of shells for SIGPIPE
 
 
@@ -62,6 +64,7 @@ def open_console(*, err: bool = False) -> Console:
             with self.capture() as captured:
                 super().print(*objects, **options)
             self.file.write("\n".join(line.rstrip() for line in captured.get().split("\n")))
+            self.file.flush()  # else lines on stderr overtake it
 
     stream = sys.stderr if err else sys.stdout
     width = None if stream.isatty() else line_width(stream)
@@ -92,6 +95,22 @@ def show_error(text: str, label: str = "error: ") -> None:
     """Print a line to stderr, on a terminal or at COLUMNS wrapped as by `show_text`."""
     for begin, words in wrap_text(text, label, line_width(sys.stderr)):
         say(begin + words, err=True)
+
+
+class NoteHandler(logging.Handler):
+    """Print each note of the log `twin` to stderr, once, as by `show_error`."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.texts: set[str] = set()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print a record."""
+        text = record.getMessage()
+        if text not in self.texts:
+            self.texts.add(text)
+            label = next(filter(text.startswith, LABELS), "")
+            show_error(text.removeprefix(label), label)
 
 
 def wrap_text(text: str, label: str, columns: int) -> Iterator[tuple[str, str]]:

@@ -145,8 +145,9 @@ class Comparison:
 
     @property
     def agrees(self) -> bool:
-        """Whether nothing differs by more than the tolerance."""
-        return not self.problems and not self.differing and not self.missing
+        """Whether there is anything to compare, and nothing differs by more than the tolerance."""
+        is_compared = bool(self.differences or self.changes)
+        return is_compared and not self.problems and not self.differing and not self.missing
 
     @property
     def headline(self) -> str:
@@ -155,13 +156,13 @@ class Comparison:
         within = f"{equal} equal to the bit, {count - equal - differing} within {self.tolerance:g}"
         if self.agrees:
             return f"The runs agree: {count} signals, {within}."
-        parts = [f"{differing} of {count} signals ({within})"]
+        parts = [f"{differing} of {count} signals ({within})" if count else "no signal in common"]
         kinds = [
             next(filter(line.startswith, ("metric ", "requirement ")), "other difference ") for line in self.problems
         ]
         parts += [f"{kinds.count(kind)} {kind.strip()}{'s' * (kinds.count(kind) > 1)}" for kind in dict.fromkeys(kinds)]
         parts += [f"{entry.count} only in the {entry.run}" for entry in self.missing]
-        return f"The runs differ: {', '.join(parts)}."
+        return f"{'The runs differ' if len(parts) > 1 or count else 'Nothing is compared'}: {', '.join(parts)}."
 
     @property
     def largest(self) -> Difference | None:

@@ -29,6 +29,7 @@ from .options import RunCallbacks as RunCallbacks
 from .options import RunOptions as RunOptions
 from .options import StudyCase as StudyCase
 from .parameter_table import parameter_rows as parameter_rows
+from .parameter_table import remarks_on_values as remarks_on_values
 from .recorded_views import RecordedSignal as RecordedSignal
 from .recorded_views import RecordedSystem as RecordedSystem
 from .recorded_views import describe_system as describe_system

@@ -39,7 +39,7 @@ from twin.run.cases import (
 from twin.run.conditions import add_occurrences, occurrences
 from twin.run.finalization import finalize_run
 from twin.run.options import RunCallbacks, RunOptions, accept_former_arguments
-from twin.run.parameter_table import remarks_on_overrides
+from twin.run.parameter_table import WARNING, remarks_on_values
 from twin.scenario import Backend, displayed, members
 
 if TYPE_CHECKING:
@@ -77,14 +77,15 @@ def run_scenario(
         scenario = hardware.apply(scenario)
     catalogs = resolve_catalogs(scenario)
     scenario = displayed(scenario, catalogs)
-    if options.origin is None and options.study_case is None:
-        for remark in remarks_on_overrides(scenario, catalogs):
-            callbacks.on_log_line(remark)
+    remarks = remarks_on_values(scenario, catalogs) if options.origin is None and options.study_case is None else []
+    for remark in remarks:
+        callbacks.on_log_line(remark)
     cases = cases_of(scenario, options)
     refuse_unknown_members(options.log_patterns, cases)
     refuse_interval(options.checkpoint_ns, cases)
     result = create_result(scenario, catalogs, options.root)
     result.study_case = options.study_case
+    add_notes(result.run, [remark for remark in remarks if remark.startswith(WARNING)])
     channel, journal = channel or SupervisorChannel(), Journal(result.folder)
     try:
         journal.create(recording_header(result, cases, options.report), channel.owners)
@@ -411,6 +412,7 @@ class RunExecutor:
 
     def finalize(self) -> None:
         """Write the folder; this is not interrupted."""
+        self.callbacks.progress(f"writing the {'report' if self.options.report else 'results'}", 1.0)
         self.channel.note("")
         self.channel.keep(finishing=True)
         self.channel.close()

@@ -13,17 +13,18 @@ import numpy as np
 
 from twin.component import catalog
 from twin.coupling import find
-from twin.errors import CouplingError, quote_names
+from twin.errors import CouplingError, quote_names, suggestion
 from twin.results import MILLI_UNITS, si_conversion
 from twin.scenario import number, slider_range
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from twin.coupling import Catalog, MemberVariable
-    from twin.scenario import Case, MemberSpec, ScenarioSpec
+    from twin.scenario import Case, MemberSpec, Node, ScenarioSpec
 
 
+WARNING = "warning: "
 FAR = 100.0  # factor from which a set value is implausible, if the scenario states no range
 SMALL = 0.1  # parameters all of whose values are below are shown in the smaller unit [SI]
 
@@ -148,7 +149,10 @@ def format_parameter(value: Any, unit: str, display: str) -> str:
     if array.dtype.kind == "f" and display != unit:
         (factor, offset), (shown_factor, shown_offset) = si_conversion(unit), si_conversion(display)
         array = (array * factor + offset - shown_offset) / shown_factor
-    texts = [f"{item:.6g}" if isinstance(item, float) else str(item) for item in array.ravel().tolist()]
+    texts = [
+        f"{item:.6g}" if isinstance(item, float) else str(item).lower() if isinstance(item, bool) else str(item)
+        for item in array.ravel().tolist()
+    ]
     if display != unit:
         texts = [
             f"{float(text):.4g}" if re.fullmatch(r"-?(0\.0*\d{6}|(?=.{7}$)\d{1,3}\.\d+)", text) else text
@@ -159,33 +163,69 @@ def format_parameter(value: Any, unit: str, display: str) -> str:
     return f"[{', '.join(texts)}]" if len(texts) <= 6 else f"[{', '.join(texts[:3])}, … {texts[-1]}] ({len(texts)})"
 
 
-def remarks_on_overrides(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list[str]:
-    """Return a line for each override without a unit that is shown in another one than SI, and for each implausible value."""
+def remarks_on_values(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list[str]:
+    """Return a line for each implausible value of an override, or of the file over the scenario that it extends.
+
+    Also for an override without a unit that is shown in another one than SI, and for a misspelled member of the file.
+    """
     remarks: dict[str, None] = {}
     for option, previous in zip(scenario.overrides, scenario.previous_values(), strict=True):
-        path, _, text = option.partition("=")
         for case in scenario.variants:
-            name = path.strip().removeprefix(f"variants.{case.variant}.").replace(".parameters.", ".", 1)
-            try:
-                variable = find(name, catalogs[case.variant]).variable
-                value = number(text, variable.unit, name)
-                before = number(previous, variable.unit, name) if previous else float(np.ravel(variable.start)[0])
-                ends = (
-                    slider_range(scenario, case, catalogs[case.variant], name)
-                    if name in scenario.console_parameters
-                    else None
-                )
-            except (CouplingError, TypeError, ValueError, IndexError):  # a key of the run, no number, another variant
-                continue
-            if variable.dtype.kind == "f":
-                remarks |= dict.fromkeys(override_remarks(option, value, before, variable, ends))
+            remarks |= dict.fromkeys(value_remarks(scenario, case, catalogs[case.variant], option, previous))
+    if (base := scenario.base_tree()) is None:
+        return list(remarks)
+    for case in scenario.variants:
+        own = catalogs[case.variant]
+        for where, option, previous in own_values(scenario, case, base):
+            lines = value_remarks(scenario, case, own, option, previous)
+            remarks |= {line.replace(WARNING, f"{WARNING}{where}: "): None for line in lines if WARNING in line}
+        connected = {end.partition(".")[0] for link in case.connections for end in (link.source, link.target)}
+        names = base.get("members").entries
+        for member in case.members.keys() - names.keys() - connected:
+            if hint := suggestion(member, names, "`"):
+                remarks[f"note: {case.members[member].where}: member `{member}` is connected to nothing. {hint}"] = None
     return list(remarks)
 
 
+def own_values(scenario: ScenarioSpec, case: Case, base: Node) -> Iterator[tuple[str, str, str]]:
+    """Iterate over the values that a file sets in members of the scenario that it extends: location, `path=value`, value before."""
+    trees = [base.get("variants").get(case.variant).get("members"), base.get("members")]
+    for member, spec in case.members.items():
+        nodes = [tree.get(member) for tree in trees if tree.get(member).value is not None]
+        for name, value in spec.parameters.items():
+            where = spec.locations.get(name, "")
+            if nodes and Path(where.rpartition(":")[0]) == scenario.path and not isinstance(value, list):
+                before = (node.get("parameters").get(name).value for node in nodes)
+                previous = next((each for each in before if each is not None), "")
+                yield where, f"{member}.{name}={value}", str(previous)
+
+
+def value_remarks(scenario: ScenarioSpec, case: Case, catalog: Catalog, option: str, previous: str) -> list[str]:
+    """Return the remarks on a value in one variant; `previous`: the one that it replaces, empty if there is none."""
+    path, _, text = option.partition("=")
+    name = path.strip().removeprefix(f"variants.{case.variant}.").replace(".parameters.", ".", 1)
+    try:
+        variable = find(name, catalog).variable
+        value = number(text, variable.unit, name)
+        before = number(previous, variable.unit, name) if previous else float(np.ravel(variable.start)[0])
+        ends = slider_range(scenario, case, catalog, name) if name in scenario.console_parameters else None
+    except (CouplingError, TypeError, ValueError, IndexError):  # a key of the run, no number, another variant
+        return []
+    if variable.dtype.kind != "f":
+        return []
+    limits = " to ".join(map(str, scenario.console_parameters.get(name, ())))
+    return override_remarks(option, value, before, variable, ends, limits)
+
+
 def override_remarks(
-    option: str, value: float, before: float, variable: MemberVariable, ends: tuple[float, float] | None
+    option: str,
+    value: float,
+    before: float,
+    variable: MemberVariable,
+    ends: tuple[float, float] | None,
+    limits: str = "",
 ) -> list[str]:
-    """Return the remarks on the value of one override. `before`: the scenario's value; `ends`: the range that it states."""
+    """Return the remarks on one value. `before`: the scenario's; `ends`: the range that it states, `limits` as written."""
     path, _, text = option.partition("=")
     usual, shown_unit = shown_value(before, variable)
     remarks = []
@@ -195,11 +235,10 @@ def override_remarks(
             spelling = f"{path}='{text.strip()} {shown_unit}'"
             remarks.append(f"note: {option} is {value:g} {variable.unit}. Write {spelling} if you mean {shown_unit}.")
     if ends is not None and not ends[0] <= value <= ends[1]:
-        low, high = (" ".join(shown_value(end, variable)).rstrip() for end in ends)
-        remarks.append(f"warning: {option} is outside of the range that the scenario states, {low} to {high}.")
+        remarks.append(f"{WARNING}{option} is outside of the range that the scenario states, {limits}.")
     elif ends is None and value and before and not 1.0 / FAR <= abs(value / before) <= FAR:
         size = f"{abs(value / before):.4g} times the scenario's {usual} {shown_unit}".rstrip()
-        remarks.append(f"warning: {option} is implausible, {size}.")
+        remarks.append(f"{WARNING}{option} is implausible, {size}.")
     return remarks
 
 

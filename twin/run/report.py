@@ -58,7 +58,7 @@ def metric_cells(result: MetricResult, style: MetricFormat) -> dict[str, str]:
         "worst": result.metric.named(result.worst, style.text(result.worst, result.scale))
         if result.metric.has_worst
         else "-",
-        "ratio": "-" if result.ratio is None else f"{result.ratio:.2f}",
+        "ratio": "-" if result.ratio is None or result.verdict == "other" else f"{result.ratio:.2f}",
         "tolerance": f"± {100 * tolerance:g} %" if tolerance is not None and result.paper is not None else "-",
         "description": result.metric.description,
         "definition": metric_definition(result.metric),
@@ -117,9 +117,10 @@ def count_expectations(results: Sequence[ExpectationResult]) -> dict[str, str]:
     """Return a text for the skipped expectations and one for the passed ones, by verdict."""
     names = {verdict: [each.name for each in results if each.verdict == verdict] for verdict in ("skipped", "pass")}
     subjects = {verdict: f"{len(each)} requirement{'s' * (len(each) > 1)}" for verdict, each in names.items()}
+    pronouns = {verdict: "them" if len(each) > 1 else "it" for verdict, each in names.items()}
     texts = {
-        "skipped": f"{subjects['skipped']} (--verbose says why): {list_names(names['skipped'])}.",
-        "pass": f"{subjects['pass']} (--verbose lists {'them' if len(names['pass']) > 1 else 'it'}).",
+        "skipped": f"{subjects['skipped']} (--verbose lists {pronouns['skipped']} and says why).",
+        "pass": f"{subjects['pass']} (--verbose lists {pronouns['pass']}).",
     }
     return {verdict: text for verdict, text in texts.items() if names[verdict]}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,6 +23,7 @@ TOPICS = {  # `topic` of a scenario, heading
 }
 START_HERE = ("heart_wall_force", "teleoperation")  # scenarios to begin with
 OPERATOR_VARIANT = "by hand"  # variant whose inputs are those of the controls; in others a script or a recording moves
+STUDY_KEY = re.compile(rb"^scenario:", re.MULTILINE)  # of a study, not of a scenario that a study varies
 SHARE = "share/catheter-twin"  # data folder of the wheel, below the prefix
 
 
@@ -34,14 +36,35 @@ def folders(kind: str) -> list[Path]:
 
 
 def scenarios(kind: str = "scenario") -> dict[str, Path]:
-    """Return name -> path of all scenarios or studies, sorted; the first folder with a name takes precedence."""
+    """Return name -> path of all scenarios or studies, sorted; the first folder with a name takes precedence.
+
+    A file in the folder of studies without the key `scenario` is a scenario that studies vary.
+    """
     paths: dict[str, Path] = {}
-    for folder in folders(kind):
+    of_studies = folders("study") if kind in ("scenario", "study") else []
+    for folder in [*(folders(kind) if kind != "study" else ()), *of_studies]:
         for path in sorted(folder.glob("*.yaml")):
             if path.stem.endswith(".parameters"):  # frozen by `twin validate --fit`
                 continue
-            paths.setdefault(path.stem, path)
+            if folder not in of_studies or is_study_file(path) == (kind == "study"):
+                paths.setdefault(path.stem, path)
     return dict(sorted(paths.items()))
+
+
+def is_shipped(path: Path) -> bool:
+    """Whether a file came with the project."""
+    import sysconfig
+
+    roots = (Path(__file__).parents[2], Path(sysconfig.get_path("data"), SHARE))
+    return any(path.resolve().is_relative_to((root / FOLDERS["scenario"]).resolve()) for root in roots)
+
+
+def is_study_file(path: Path) -> bool:
+    """Whether a file has the key `scenario` of a study; one that cannot be read is none."""
+    try:
+        return STUDY_KEY.search(path.read_bytes()) is not None
+    except OSError:
+        return False
 
 
 @dataclass(frozen=True)

@@ -358,6 +358,13 @@ class ScenarioSpec:
 
         return previous_values(self.source_tree, self.overrides)
 
+    def base_tree(self) -> Node | None:
+        """Return the tree of the scenario that the file extends; None if it extends none, or is a reviewed file of the project."""
+        from twin.scenario import scenario_paths
+        from twin.scenario.yaml_files import merge
+
+        return None if scenario_paths.is_shipped(self.path) else merge.base_tree(self.path)
+
     def derived(self, variant: str) -> Catalog:
         """Return the output variables of a variant's analyses, as a catalog with each analysis as a member."""
         analyses = [analysis for analysis in self.analyses if not analysis.variants or variant in analysis.variants]

@@ -40,10 +40,7 @@ DIFFERENCE_REDUCTIONS = ("std", "peak_to_peak")  # differences, whatever the sig
 
 @dataclass(frozen=True)
 class Metric:
-    """One number per run. `paper`: published value of each variant; `tolerance`: 0.2 is ± 20 %; no `variants`: all.
-
-    `codes`: names of the values of a code, such as a state.
-    """
+    """One number per run. `paper`: published value of each variant; `tolerance`: 0.2 is ± 20 %; no `variants`: all."""
 
     name: str
     signal: Expression
@@ -55,7 +52,7 @@ class Metric:
     variants: tuple[str, ...] = ()
     description: str = ""
     where: str = field(default="", compare=False)
-    codes: dict[int, str] = field(default_factory=dict)
+    codes: dict[int, str] = field(default_factory=dict)  # names of the values of a code, such as a state
 
     def named(self, value: float | None, text: str) -> str:
         """Return the text of a value with the name of the code that it is: `8 done`."""
@@ -335,11 +332,13 @@ def check_expectation(
         if expectation.signal is None:
             value = results[variant].values.get(seed) if variant in results else None
             if variant in results:
-                metric, own, times = results[variant].metric, np.nan if value is None else value, (None, None)
+                metric, own = results[variant].metric, np.nan if value is None else value
                 if is_outside(own, expectation.at_least, expectation.at_most):
                     parts = list(signals.evaluate_parts(metric.signal, metric.window))
                     times = extreme_times(metric.reduce, expectation.at_least, expectation.at_most, parts)
-                ranges.append(CaseRange(case, own, own, times[0], *times))
+                    ranges.append(CaseRange(case, own, own, times[0], *times))
+                else:
+                    ranges.append(CaseRange(case, own, own))
         elif signals.has(expectation.signal):
             extremes = [
                 extreme_samples(part, expectation)

@@ -300,7 +300,7 @@ def count_verdicts(summary: Mapping[str, Any]) -> tuple[int, int]:
 
 
 def describe_outcome(summary: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the outcome of a run as a word, such as PASS, and the counts: `2 of 6 requirements failed, 11 not judged`."""
+    """Return the outcome of a run as a word, such as PASS, and the counts: `2 of 6 requirements failed, 11 not judged, 1 warning`."""
     met, judged = count_verdicts(summary)
     skipped = sum(result["verdict"] == "skipped" for result in summary["expectations"])
     verdict = ("PASS" if summary["passed"] else "FAIL") if judged else "DONE"
@@ -308,7 +308,9 @@ def describe_outcome(summary: Mapping[str, Any]) -> tuple[str, str]:
     counts = (
         f"{met} of {judged}" if word == "PASS" else f"{judged - met} of {judged} requirements failed" * (met < judged)
     )
-    return word, f"{counts}{f', {skipped} not judged' * bool(skipped)}" if counts else ""
+    warnings = sum("warning: " in note for note in summary.get("notes", ()))
+    parts = [counts, *[f"{skipped} not judged"] * bool(skipped and counts)]
+    return word, ", ".join(filter(None, [*parts, *[f"{warnings} warning{'s' * (warnings > 1)}"] * bool(warnings)]))
 
 
 def termination_to_dict(termination: HardwareTermination) -> dict[str, Any]:

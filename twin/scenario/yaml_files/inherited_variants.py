@@ -159,7 +159,8 @@ def undone_paths(patch: Node, variant_member: Node, component: Any) -> Iterator[
 
 def report_undone(patch: Node, paths: Sequence[str], names: Sequence[str], own: str, example: str) -> None:
     """Log that settings have no effect in variants, and how to set them there."""
-    text = f"{patch.location}: {', '.join(paths)}: no effect in {', '.join(names)}, with {'its' if len(names) == 1 else 'their'} own {own}. "
+    others = f" and {len(names) - 1} more" * (len(names) > 1)
+    text = f"{patch.location}: {', '.join(paths)}: no effect in {names[0]}{others}, with {'its' if len(names) == 1 else 'their'} own {own}. "
     note(f"{text}Set it there too: `variants: {{{names[0]}: {{{example}}}}}`, or with --set in all.")
 
 

@@ -90,6 +90,16 @@ def complete(root: Node, path: Path, shown: str, problems: list[str], extending_
     return Node(merged(base, root).without("extends").value, root.location)
 
 
+def base_tree(path: Path) -> Node | None:
+    """Return the tree of the scenario that a file extends; None if it extends none or cannot be read."""
+    try:
+        parent = yaml_reader.read(path, path.name).get("extends").value
+        target = extended_file(path, parent) if isinstance(parent, str) else None
+        return load(target, str(target), []) if target is not None else None
+    except ScenarioError:
+        return None
+
+
 def extended_file(path: Path, name: str) -> Path:
     """Return the file that `extends` names: a path relative to the file `path`, or a scenario by its name."""
     target = path.parent / name
