@@ -15,9 +15,10 @@ from twin.errors import CouplingError
 from twin.results.evaluation.coverage import join_numbers
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from twin.results.evaluation.violations import Violation
+    from twin.results.recording.signals import Signals
 
 EVENT_COLOR, VIOLATION_COLOR = "#e08e0b", "#c81e1e"
 LETTER_WIDTH = 3.6  # width of a letter [pt] at FONT_SIZE
@@ -62,6 +63,14 @@ class EventLine:
     time: float
     name: str = ""
     variants: tuple[str, ...] = ()
+
+
+def reaches(event: EventLine, tables: Mapping[tuple[str, int], Signals]) -> bool:
+    """Whether an event is in the recording of a case that has it."""
+    return any(
+        (not event.variants or variant in event.variants) and len(signals.time) and event.time <= signals.time[-1]
+        for (variant, _), signals in tables.items()
+    )
 
 
 @lru_cache(maxsize=64)

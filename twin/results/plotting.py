@@ -242,14 +242,6 @@ def is_averaged(plot: Plot) -> bool:
     return not plot.points and not is_loop_plot(plot)
 
 
-def reaches(event: plot_annotations.EventLine, tables: Tables) -> bool:
-    """Whether an event is in the recording of a case that has it."""
-    return any(
-        (not event.variants or variant in event.variants) and len(signals.time) and event.time <= signals.time[-1]
-        for (variant, _), signals in tables.items()
-    )
-
-
 def is_loop_plot(plot: Plot) -> bool:
     """Whether a plot shows signals over others instead of over time."""
     return any(curve.x is not None for curve in plot.curves)
@@ -302,7 +294,9 @@ def draw_plot(
         for axis, names in zip(axes, panels, strict=False):
             draw_violated_limits(axis, plot, names, violations, scale)
             own = {case: signals for case, signals in selected.items() if case[0] in names}
-            plot_annotations.draw_events(axis, [one for one in events if reaches(one, own)], names, scale, letters)
+            plot_annotations.draw_events(
+                axis, [event for event in events if plot_annotations.reaches(event, own)], names, scale, letters
+            )
 
 
 def histogram(values: Any, label: str) -> str:

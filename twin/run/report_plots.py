@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import urlencode
 
 from twin import clock
-from twin.results import Plot, PlotCurve, join_numbers, list_names, plotting
+from twin.results import Plot, PlotCurve, join_numbers, list_names, plot_annotations, plotting
 from twin.run import report_curves
 from twin.run.report_figure import ReportFigure
 
@@ -116,7 +116,7 @@ def events_in_plot(plot: Plot, tables: Tables, events: Iterable[EventLine]) -> d
     return {
         number: event
         for number, event in enumerate(events, 1)
-        if is_in_window(plot, event.time) and plotting.reaches(event, selected)
+        if is_in_window(plot, event.time) and plot_annotations.reaches(event, selected)
     }
 
 

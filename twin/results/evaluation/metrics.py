@@ -333,12 +333,10 @@ def check_expectation(
             value = results[variant].values.get(seed) if variant in results else None
             if variant in results:
                 metric, own = results[variant].metric, np.nan if value is None else value
-                if is_outside(own, expectation.at_least, expectation.at_most):
-                    parts = list(signals.evaluate_parts(metric.signal, metric.window))
-                    times = extreme_times(metric.reduce, expectation.at_least, expectation.at_most, parts)
-                    ranges.append(CaseRange(case, own, own, times[0], *times))
-                else:
-                    ranges.append(CaseRange(case, own, own))
+                is_bad = is_outside(own, expectation.at_least, expectation.at_most)
+                parts = list(signals.evaluate_parts(metric.signal, metric.window)) if is_bad else []
+                times = extreme_times(metric.reduce, expectation.at_least, expectation.at_most, parts)
+                ranges.append(CaseRange(case, own, own, times[0], *times))
         elif signals.has(expectation.signal):
             extremes = [
                 extreme_samples(part, expectation)

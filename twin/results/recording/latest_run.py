@@ -53,7 +53,7 @@ def newest(runs: Iterable[Path]) -> Path:
 
 
 def default_run(folder: Path) -> Path | None:
-    """Return the newest finished run beside a run that has the scenario's own parameters; None without one."""
+    """Return the newest finished run of the same scenario with its own parameters; None if there is none."""
     for other in sorted(filter(is_finished_run, folder.parent.iterdir()), key=run_order, reverse=True):
         with suppress(OSError, ValueError, AttributeError):
             summary = json.loads((other / SUMMARY).read_text(encoding="utf-8"))
