@@ -70,7 +70,8 @@ function played(from, to) {
 function play() {
   const [from, to] = windowOf();
   if (state.time === null || state.time < from || state.time >= to) goToTime(from);
-  find("scene").open = true;
+  if (play.unfolds) find("scene").open = true;
+  play.unfolds = false;
   let last = performance.now();
   const advance = (now) => {
     const [begin, end] = windowOf(), next = state.time + ((now - last) / 1000) * Number(find("speed").value);

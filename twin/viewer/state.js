@@ -206,7 +206,7 @@ function shownPane(one, cases, part) {
   found.hidden = [...new Set(state.cases.map((k) => about.cases[k].variant))].filter((variant) => one.variants && !one.variants.includes(variant));
   if (one.kind === "time") Object.assign(found, judged(lines));
   if (one.metric && one.kind === "time") found.limits.push(...levels(one.metric, lines));
-  found.ending = (one.kind === "spectrum" ? `, ${summarized().map((time) => readableTime(time, ...summarized())).join(" to ")} s` : "") + shorten(lines);
+  found.ending = (one.kind === "spectrum" ? `, ${summarized().map((time) => +readableTime(time, ...summarized())).join(" to ")} s` : "") + shorten(lines);
   if (one.kind === "time" && plot?.fan) found.curves = [...lines, ...fan(plot.fan, lines.length)];
   return found;
 }

@@ -221,7 +221,8 @@ function begin() {
   document.addEventListener("click", (event) => closeMenus(event.target));
   document.querySelectorAll(".splitter").forEach(splits);
   show();
-  if (shown.length > 2 && innerWidth > NARROW) find("scene").open = false; // until it plays
+  play.unfolds = shown.length > 2 && innerWidth > NARROW && innerHeight > LOW && !about.growing; // the scene, of which three panes need the room
+  if (play.unfolds) find("scene").open = false;
 }
 
 function closeMenus(but) {

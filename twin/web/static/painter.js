@@ -208,6 +208,7 @@ function drawInstants(chart, context, pane, box) {
   const { colors, hover } = chart, named = chart.cursors.map((time, k) => [time, colors.ink, `t${k + 1}`]);
   if (chart.time !== null) named.push([chart.time, colors.accent, ""]);
   if (hover && hover.at !== null && chart.panes[hover.pane] !== pane) named.push([hover.at, null, ""]);
+  const names = [];
   context.textBaseline = "bottom"; context.textAlign = "left"; context.lineWidth = 2;
   for (const [time, color, letter] of named) {
     pane.curves.forEach((curve, c) => {
@@ -217,8 +218,12 @@ function drawInstants(chart, context, pane, box) {
       context.fillStyle = colors.lines[curve.color % 8]; context.strokeStyle = color;
       context.beginPath(); context.arc(x, y, color ? 4 : 3, 0, 7); context.fill();
       if (color) context.stroke();
-      context.fillStyle = colors.ink;
-      if (letter) context.fillText(pane.curves.length > 1 ? `${letter} ${curve.short ?? curve.label}` : letter, x + 6, y - 4);
+      if (!letter) return;
+      const text = pane.curves.length > 1 ? `${letter} ${curve.short ?? curve.label}` : letter, right = x + 6 + context.measureText(text).width;
+      let level = y - 4; // below the names that would cover it
+      while (names.some((other) => Math.abs(other.level - level) < 11 && x < other.right && other.x < right)) level += 11;
+      names.push({ x, right, level });
+      context.fillText(text, x + 6, level);
     });
   }
 }
