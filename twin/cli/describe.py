@@ -96,7 +96,9 @@ def show_named(what: str, everything: bool, text: str, runs: Path) -> bool:
                 say(line) if line.startswith(" ") else show_text(line)  # a line of a file stays whole
             return True
     names = [*catalog.names(), *scenarios, *studies, *(name for listing in listings.values() for name in listing())]
-    advice = " ".join(filter(None, [suggestion(what, names), "See `twin list`."]))
+    file = path.with_suffix(".yaml")
+    here = f"There is a file of this name: twin describe {file}." if file.is_file() else suggestion(what, names)
+    advice = " ".join(filter(None, [here, "See `twin list`."]))
     raise TwinError(f"There is nothing called {what!r}. {advice}")
 
 
