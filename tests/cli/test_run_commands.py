@@ -51,7 +51,7 @@ def executed(calls, monkeypatch):
     )
     replace(monkeypatch, "twin.study", resolve_case=lambda text, runs: (text, runs), single=lambda *_: single)
     monkeypatch.setattr(run_module, "recover_interrupted", calls("recover"))
-    monkeypatch.setattr(run_module, "read", calls("read", SimpleNamespace(title="Title")))
+    monkeypatch.setattr(run_module, "read", calls("read", SimpleNamespace(title="Title", cases=lambda *_: [])))
 
     def execute(link=None, hardware=None, **options):
         from dataclasses import replace as with_changes
