@@ -18,7 +18,7 @@ from twin.cli.demo import EXAMPLES
 from twin.errors import TwinError
 from twin.results import count_verdicts, finished_runs, link_latest, resolve_latest
 from twin.results.recording.latest_run import latest_run
-from twin.scenario import scenario_paths
+from twin.scenario import load_scenario, scenario_paths
 
 MAIN = [sys.executable, "-c", "from twin.cli import main; main()"]
 SCENARIO = """
@@ -202,3 +202,8 @@ def test_a_warning_of_the_scenario_is_noted_if_it_lasts(beats):
     (line,) = [line for line in lines if line.startswith("warning: ")]
     assert line.startswith("warning: base, seed 0: far out for 0.")
     assert line.endswith(" mm, limit 1 mm")
+
+
+def test_values_of_shipped_scenarios_are_reviewed():
+    """Also where they differ much from those that they extend."""
+    assert load_scenario("contact_force").base_tree() is None

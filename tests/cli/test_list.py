@@ -164,6 +164,11 @@ def test_whatever_is_listed_can_be_described(run):
     )
 
 
+def test_a_file_without_its_suffix_is_named(run, tmp_path):
+    (tmp_path / "mine.yaml").write_text("extends: racs\n")
+    assert "There is a file of this name: twin describe mine.yaml." in run("describe", "mine")[0]
+
+
 def test_a_filter_that_finds_nothing_says_so(run, tmp_path):
     (tmp_path / "beat.yaml").write_text("stop_time: 1 s\nmembers: {heart: {component: heart}}\n")
     for name in ("beat.yaml", "servomotor"):

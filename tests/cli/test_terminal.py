@@ -1,6 +1,7 @@
 """What commands print: whatever stands in files, whoever reads, whatever the terminal can show."""
 
 import io
+import logging
 import os
 import re
 import subprocess
@@ -142,3 +143,12 @@ def test_nothing_else_prints():
     ]
     allowed = ("click.echo((outcome.folder", "click.echo(json.dumps(")  # JSON, which escapes by itself
     assert [one for one in wrong if not any(word in one for word in allowed)] == []
+
+
+def test_a_note_of_the_log_is_wrapped_and_printed_once(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "24")
+    log = logging.getLogger("a log of its own")
+    log.addHandler(terminal.NoteHandler())
+    for _ in range(2):
+        log.warning("note: mine.yaml:5: no effect in fast")
+    assert capsys.readouterr().err == "note: mine.yaml:5: no\n      effect in fast\n"

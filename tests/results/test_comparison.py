@@ -60,6 +60,12 @@ def test_equal_runs_agree(tmp_path: Path) -> None:
     )
 
 
+def test_the_same_run_twice_is_said(tmp_path: Path) -> None:
+    a = written(tmp_path / "a")
+    text = "note: Both are the same run.\nThe runs agree: 6 signals, 6 equal to the bit, 0 within 1e-09.\n"
+    assert called(a, tmp_path / "a") == (0, text)
+
+
 def test_a_difference_is_found_where_it_is(tmp_path: Path) -> None:
     a, b = written(tmp_path / "a"), written(tmp_path / "b", force=0.02)
     code, text = called(a, b)

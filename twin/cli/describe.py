@@ -63,6 +63,7 @@ def show_named(what: str, everything: bool, text: str, runs: Path) -> bool:
     from twin.cli.check import is_study
     from twin.cli.export import SCENARIO_FILES
     from twin.cli.list import kinds_of_names, show_run
+    from twin.cli.study import show_study
     from twin.component import catalog
     from twin.results import find_by_time, resolve_latest
     from twin.scenario import scenario_paths
@@ -96,37 +97,10 @@ def show_named(what: str, everything: bool, text: str, runs: Path) -> bool:
                 say(line) if line.startswith(" ") else show_text(line)  # a line of a file stays whole
             return True
     names = [*catalog.names(), *scenarios, *studies, *(name for listing in listings.values() for name in listing())]
-    advice = " ".join(filter(None, [suggestion(what, names), "See `twin list`."]))
+    file = path.with_suffix(".yaml")
+    here = f"There is a file of this name: twin describe {file}." if file.is_file() else suggestion(what, names)
+    advice = " ".join(filter(None, [here, "See `twin list`."]))
     raise TwinError(f"There is nothing called {what!r}. {advice}")
-
-
-def show_study(path: Path, text: str) -> bool:
-    """Print the title of a study, what varies, and how to run it."""
-    from twin.scenario import read
-
-    keys = read(path, str(path)).plain()
-    say(f"{path}: {keys.get('title', 'study')}")
-    if not text:
-        say_lines(str(keys.get("description", "")))
-    samples = ", ".join(f"{key} {value}" for key, value in keys.get("samples", {}).items())
-    say(f"Scenario: {Path(str(keys['scenario'])).stem}" + f"; samples: {samples}" * bool(samples))
-    knobs = keys.get("tune", {}).get("knobs", {})
-    rows = [(name, spread_text(factor)) for name, factor in keys.get("vary", {}).items()]
-    rows += [(name, f"tuned, {spread_text(factor)}") for name, factor in knobs.items()]
-    shown = show_table(("varies", "how"), [row for row in rows if text in " ".join(row)], 2)
-    say(f"Run it: twin study {path.stem}")
-    say(f"How long it takes: twin study {path.stem} --check")
-    return shown
-
-
-def spread_text(factor: dict[str, Any]) -> str:
-    """Return how a factor is distributed: `normal 75 /min, 13 /min; from 48 /min`."""
-    texts = [
-        f"{key.replace('_', '-')} {', '.join(map(str, value)) if isinstance(value, list) else value}"
-        for key, value in factor.items()
-        if key != "source"
-    ]
-    return "; ".join(texts)
 
 
 def kind(cls: type[Component]) -> str:

@@ -6,7 +6,7 @@ import shlex
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import click
 
@@ -274,3 +274,33 @@ def show_changes(answers: Answers) -> None:
         for each in answers.changes
     ]
     show_table(["change", "metric", "from", "to"], rows, 2)
+
+
+def show_study(path: Path, text: str) -> bool:
+    """Print the title of a study, what varies, and how to run it."""
+    from twin.cli.describe import say_lines
+    from twin.scenario import read
+
+    keys = read(path, str(path)).plain()
+    say(f"{path}: {keys.get('title', 'study')}")
+    if not text:
+        say_lines(str(keys.get("description", "")))
+    samples = ", ".join(f"{key} {value}" for key, value in keys.get("samples", {}).items())
+    say(f"Scenario: {Path(str(keys['scenario'])).stem}" + f"; samples: {samples}" * bool(samples))
+    knobs = keys.get("tune", {}).get("knobs", {})
+    rows = [(name, spread_text(factor)) for name, factor in keys.get("vary", {}).items()]
+    rows += [(name, f"tuned, {spread_text(factor)}") for name, factor in knobs.items()]
+    shown = show_table(("varies", "how"), [row for row in rows if text in " ".join(row)], 2)
+    say(f"Run it: twin study {path.stem}")
+    say(f"How long it takes: twin study {path.stem} --check")
+    return shown
+
+
+def spread_text(factor: dict[str, Any]) -> str:
+    """Return how a factor is distributed: `normal 75 /min, 13 /min; from 48 /min`."""
+    texts = [
+        f"{key.replace('_', '-')} {', '.join(map(str, value)) if isinstance(value, list) else value}"
+        for key, value in factor.items()
+        if key != "source"
+    ]
+    return "; ".join(texts)
