@@ -58,7 +58,7 @@ def test_a_missing_file_names_similar_ones(tmp_path):
         with pytest.raises(error) as caught:
             call()
         assert f"is not there. Looked in {tmp_path}. Did you mean '{similar}'?" in str(caught.value)
-    for call, name in ((twin.load, "heart_wall_force"), (twin.study, "patient_force")):
+    for call, name in ((twin.load, "heart_wall_force"), (twin.study, "thousand_patients")):
         with pytest.raises(ScenarioError, match=f"is not there.*of this name elsewhere: give the name alone, {name}"):
             call(tmp_path / "scenarios" / f"{name}.yaml")
     with pytest.raises(ScenarioError, match="there is no folder"):

@@ -25,7 +25,9 @@ STATIC = Path(__file__).parent / "static"
 CHART = ("scale.js", "samples.js", "painter.js", "pointer.js", "chart.js")
 VIEWS = ("draw.js", "view_bench.js", "view_rig.js", "view_scene.js", "view_vessel.js", "views.js")
 IMPORT = re.compile(r"^import (\{.*?\}) from \"\./(\w+)\.js\";$", re.MULTILINE)
-COMMENT = re.compile(r"^ *(?://.*\n)?| +// .*$", re.MULTILINE)  # also at the end of a line, or indentation
+COMMENT = re.compile(
+    r"^ *(?:(?://.*)?\n)?| +// .*$", re.MULTILINE
+)  # also at the end of a line, empty lines, indentation
 EXPORT = re.compile(r"^export ((?:async )?(?:const|class|function) (\w+))", re.MULTILINE)
 
 
