@@ -416,7 +416,7 @@ def test_values_that_were_set_by_hand_stay_unless_nominal_ones_are_chosen(settin
 FORCE = SimpleNamespace(factor=1.0, offset=0.0, display_unit="N")
 TIP = SimpleNamespace(factor=1e3, offset=0.0, display_unit="mm")
 GOALS = {"signal": "tip.x", "tolerance": 1e-3, "points": {"near": [0.01]}}
-LOUD = {"signal": "wall.force", "above": 2.0, "text": "high force"}
+LOUD = {"signal": "wall.force", "above": 2.0, "below": -2.0, "text": "high force"}
 BENT = {"signal": "wall.bent", "above": 0, "text": "it buckles"}
 
 
@@ -427,6 +427,7 @@ BENT = {"signal": "wall.bent", "above": 0, "text": "it buckles"}
         ([0.5, 1.0, 1.5], 0, 0.03, "pass", "Targets left", []),
         ([0.5, 1.0, 1.5], 0, 0.01, "waiting", "Ended early", []),
         ([0.5, 4.891, 2.5], 0, 0.01, "pass", "Failed", []),
+        ([0.5, -3.1, 1.5], 0, 0.01, "pass", "Failed", []),
         ([0.5, 1.0, 1.5], 1, 0.01, "pass", "Failed", []),
         ([0.5, 1.0, 1.5], 0, 0.01, "fail", "Failed", ["Not met: behind", "-45 mm"]),
     ],
@@ -450,8 +451,8 @@ def test_the_result_of_a_session_counts_safety(setting, force, bent, goal, verdi
     one.page.tick()
     shown = one.page.shown()
     card = shown[shown.index("another scenario") + 1 :]
-    count = sum(value > 2.0 for value in force)
-    loud = f"{f'for {0.5 * count:.1f} s' if count else 'never'}; at most {max(force):.4g} N, limit 2 N"
+    count = sum(abs(value) > 2.0 for value in force)
+    loud = f"{f'for {0.5 * count:.1f} s' if count else 'never'}; at most {max(map(abs, force)):.4g} N, limit 2 N"
     state = (
         "All 1 targets reached in 1.0 s, path length 10 mm" if goal == 0.01 else "0 of 1 targets, next: near; 1.0 s, "
     )

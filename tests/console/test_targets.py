@@ -91,7 +91,10 @@ def test_units():
         "points": {"systole": [8e-3]},
         "hint": "hold still",
     }
-    assert resolve_warning(scenario.console_warnings[0], catalog)["above"] == 0.5
+    warning = resolve_warning(scenario.console_warnings[0], catalog)
+    assert (warning["above"], warning["below"]) == (0.5, -0.5)  # a force in either direction
+    negative = resolve_warning(scenario.console_warnings[0].model_copy(update={"above": 0}), catalog)
+    assert "below" not in negative
     assert {"heart.position", "wall.force"} <= set(scenario.record.needed)
 
 

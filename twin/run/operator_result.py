@@ -99,8 +99,13 @@ def point_label(scenes: Iterable[Mapping[str, Any]], signal: str) -> str:
 def warning_result(
     time: NDArray[np.float64], values: NDArray[Any], warning: Mapping[str, Any], scale: tuple[str, float, float]
 ) -> dict[str, Any]:
-    """Return for how long a warning was shown [s], and the largest value of its signal. `scale`: display unit, factor, offset."""
+    """Return for how long a warning was shown [s], and the largest value of its signal, or magnitude if it has a limit `below`.
+
+    `scale`: display unit, factor, offset.
+    """
     rows = np.asarray(values, np.float64).reshape(len(time), -1).max(axis=1)
+    if "below" in warning:
+        rows = np.abs(rows)
     every = float(time[1] - time[0]) if len(time) > 1 else 0.0
     shown_unit, factor, offset = scale
     duration = every * int((rows > warning["above"]).sum())
