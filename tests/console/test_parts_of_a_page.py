@@ -20,7 +20,7 @@ from tests.console.without_a_process import Recorder
 from twin.console import page, start_page, summary, targets
 from twin.console.page import PageContext
 from twin.console.session import Host
-from twin.console.verdicts import Row, headline
+from twin.console.verdicts import Row, headline, warning_rows
 from twin.errors import TwinError
 from twin.scenario.scenario_paths import Overview
 from twin.web.operator_lock import NO_OPERATOR, NOT_OPERATOR
@@ -460,6 +460,23 @@ def test_the_result_of_a_session_counts_safety(setting, force, bent, goal, verdi
     assert card[0] == kind
     assert card[1].startswith(state)
     assert card[2:] == [*rows, f"{'W' if count else 'No w'}arning: high force", loud, *buckles]
+
+
+def test_warnings_count_until_the_last_target(setting):
+    """Also in the line above the picture; what is shown later is added to the card once the session is over."""
+    one = setting(targets=GOALS, warnings=(LOUD,), every=0.5)
+    one.catalog.signals = {"wall.force": FORCE, "tip.x": TIP}
+    values = {"wall.force": np.array([0.5, 2.5, -1.0, 4.9, -4.0]), "tip.x": np.array([0.0, 0.005, 0.01, 0.01, 0.01])}
+    one.live.values["read"] = lambda names: SimpleNamespace(
+        time=0.5 * np.arange(5), values={name: values[name] for name in names}
+    )
+    detail = "for 0.5 s; at most 2.5 N, limit 2 N"
+    end = targets.session_score(one.live).end
+    assert end == 1.0
+    assert [row.detail for row in warning_rows(one.live, end)] == [detail]
+    one.state.phase = "stopped"
+    (row,) = summary.session_result(one.live, None).warnings
+    assert row.detail == f"{detail}; afterwards for 1.0 s, at most 4.9 N"
 
 
 def test_the_last_target_is_announced_and_a_session_that_ended_early_has_not_passed(setting, tmp_path):

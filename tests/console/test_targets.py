@@ -26,7 +26,7 @@ def test_score_counts_from_the_first_command():
     assert score(time[:2], values[:2], TARGETS, 0.5) == Score({}, 0.0, 0.5)
     assert score(time[:5], values[:5], TARGETS, 0.5) == Score({"near": 2.5}, 2.5, 3.5)
     full = score(time, values, TARGETS, 0.5)
-    assert full == Score({"near": 2.5, "far": 4.5}, 6.0, 4.5)
+    assert full == Score({"near": 2.5, "far": 4.5}, 6.0, 4.5, 5.0)
     longer = score(np.arange(8.0), np.vstack([values, [[9, 9], [9, 9]]]), TARGETS, 0.5)
     assert longer == full  # what comes after the last target does not count
     assert text(full, TARGETS, 1e3, "mm") == "All 2 targets reached in 4.5 s, path length 6000 mm"
@@ -42,7 +42,7 @@ def test_score_counts_from_the_first_command():
 
 def test_a_single_number_is_a_signal_too():
     now = score(np.array([0.0, 1.0]), np.array([0.0, 2.0]), TARGETS | {"points": {"near": [2.0]}}, 0.0)
-    assert now == Score({"near": 1.0}, 2.0, 1.0)
+    assert now == Score({"near": 1.0}, 2.0, 1.0, 1.0)
 
 
 def test_the_first_command_moves_an_input_with_a_control():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import subprocess
 import sys
 import time
@@ -152,12 +153,12 @@ class SessionResult:
 def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> SessionResult:
     """Return the result of a session: that of its folder, or that of the rows so far where no folder was written."""
     rows = verdicts.rows() if verdicts is not None else []
-    warnings = warning_rows(live)
-    words, is_complete = "", True
+    words, is_complete, end = "", True, math.inf
     if live.catalog is not None and live.catalog.targets:
         score = targets.session_score(live) or Score({})
         words = targets.session_text(score, live.catalog)
-        is_complete = len(score.reached) == len(live.catalog.targets["points"])
+        is_complete, end = len(score.reached) == len(live.catalog.targets["points"]), score.end
+    warnings = warning_rows(live, end)
     file = Path(live.state.folder) / "summary.json"
     summary = json.loads(file.read_text(encoding="utf-8")) if live.state.folder and file.is_file() else {}
     early = str(summary["reason"]) if summary.get("status") == "interrupted" else ""

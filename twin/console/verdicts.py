@@ -135,8 +135,11 @@ def metric_row(result: MetricResult, is_final: bool) -> Row:
     return Row(result.verdict if is_judged else METRIC, metric_name(metric), detail, True)
 
 
-def warning_rows(live: LiveSession) -> list[Row]:
-    """Return a row for each warning of the scenario: how long it was shown so far, and the largest value of its signal."""
+def warning_rows(live: LiveSession, end: float = math.inf) -> list[Row]:
+    """Return a row for each warning of the scenario: how long it was shown, and the largest value of its signal.
+
+    Both count until now, or `end` of the score [s]; what was shown later is added once the session is over.
+    """
     catalog = live.catalog
     if catalog is None or not catalog.warnings:
         return []
@@ -148,8 +151,9 @@ def warning_rows(live: LiveSession) -> list[Row]:
     for warning in catalog.warnings if len(samples.time) else ():
         signal = catalog.signals[warning["signal"].partition("[")[0]]
         scale = signal.display_unit, signal.factor, signal.offset
-        result = warning_result(samples.time, samples.values[warning["signal"]], warning, scale)
-        rows.append(Row("fail" if result["duration"] else "pass", warning["text"], result["detail"]))
+        result = warning_result(samples.time, samples.values[warning["signal"]], warning, scale, end)
+        detail = result["detail"] + result["afterwards"] * (live.state.phase in OVER)
+        rows.append(Row("fail" if result["duration"] else "pass", warning["text"], detail))
     return rows
 
 
