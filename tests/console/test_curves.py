@@ -78,6 +78,9 @@ def test_a_run_that_stays_at_its_start_is_no_run_to_compare_with():
     assert third.previous_run is full
     assert third.read(f"{PREVIOUS}a.x", 0.0, 9.0, 100)[1].size == 5
     assert re.fullmatch(r"quiet, \d\d:\d\d", full.title)
+    setting.live.catalog.controls = ()
+    setting.live.values["changes"][full.epoch] = {"a.x": 0.0}
+    assert re.fullmatch(r"quiet, changed by hand, \d\d:\d\d", full.title)
 
 
 def test_the_first_panes_of_a_chart():

@@ -50,7 +50,7 @@ class Setting:
             "fastest_rate": math.inf,
         }
         self.catalog = SimpleNamespace(**defaults | catalog)
-        values = {"state": self.state, "catalog": self.catalog, "done": [], "changed_values": {}}
+        values = {"state": self.state, "catalog": self.catalog, "done": [], "changes": {}, "changed_values": {}}
         self.live = Recorder("live", self.calls, values)
         self.console = Host(live=self.live)
         for name in ("resume", "restart", "stop", "reset", "leave", "begin", "release_hold"):

@@ -109,6 +109,7 @@ class Setting:
         values = {
             "state": state,
             "catalog": catalog,
+            "changes": {},
             "latest": lambda names: SimpleNamespace(values={name: self.rows[name] for name in names}),
         }
         self.live = Recorder("live", self.calls, values)

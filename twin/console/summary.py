@@ -113,9 +113,11 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
         shown[0], total.text = (rows, has_ended), headline(rows, has_ended)
         names = [row.name for row in rows if row.verdict == "fail" and not row.is_metric]
         failed.text, failed.visible = f"Not met: {'; '.join(names)}", bool(names)
+        is_changed = bool(live.changes.get(live.state.epoch)) and not verdicts.catalog.controls
+        metrics = [row for row in rows if row.is_metric and row.verdict != WAITING]
         console.latest_metrics = (
             (id(live), live.state.epoch),
-            {row.name: row.detail.partition(REFERENCE)[0] for row in rows if row.is_metric and row.verdict != WAITING},
+            {row.name: row.detail.partition(REFERENCE)[0] + ", changed by hand" * is_changed for row in metrics},
         )
         column.clear()
         with column:

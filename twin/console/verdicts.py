@@ -88,7 +88,7 @@ class SessionVerdicts:
         units = {name: self.catalog.signals[name].unit for name in self._names}
         tables = {(self.catalog.variant, self.catalog.seed): Signals(samples.time, samples.values, units)}
         end = now if self.live.state.phase in OVER else self.catalog.judged_until
-        changed = any(command.by_operator and command.time < end for command in self.live.done)
+        changed = any(time < end for time in self.live.changes.get(self.live.state.epoch, {}).values())
         judged = [each for each in self.expectations if self._begin(each) <= now and not (changed and each.nominal)]
         metrics = {name: each for name, each in self.metrics.items() if begin(each) <= now}
         evaluation = evaluate(metrics, judged, tables, not changed, has_ended=now >= end)

@@ -383,6 +383,7 @@ class Session:
             "jitter": pace.jitter,
             "values": executor.values,
             "overridden": executor.overridden,
+            "changes": {name: clock.seconds(times[0]) for name, times in executor.operator_changes.items()},
             "held": {name: held.value for name, held in self.dead_man.inputs.items() if held.moves},
         }
 
