@@ -299,7 +299,9 @@ def test_a_session_is_prepared_or_fails(setting):
 
 def test_requirements_are_judged_once_rows_are_there(setting):
     one, judged = setting(), [[]]
-    verdicts = SimpleNamespace(live=one.live, rows=lambda: judged[0], catalog=SimpleNamespace(judged_until=0.0))
+    verdicts = SimpleNamespace(
+        live=one.live, rows=lambda: judged[0], catalog=SimpleNamespace(judged_until=0.0, targets={}, controls=())
+    )
     one.state.epoch = 0
     with one.page:
         summary.judged(one.console, verdicts, failed := ui.label())
@@ -341,7 +343,9 @@ def test_slow_judgments_leave_the_server_to_the_joysticks(setting, monkeypatch):
 
     monkeypatch.setattr(summary.time, "monotonic", lambda: clock[0])
     one.state.epoch = 1
-    verdicts = SimpleNamespace(live=one.live, rows=rows, catalog=SimpleNamespace(judged_until=0.0))
+    verdicts = SimpleNamespace(
+        live=one.live, rows=rows, catalog=SimpleNamespace(judged_until=0.0, targets={}, controls=())
+    )
     with one.page:
         summary.judged(one.console, verdicts, ui.label())
     for clock[0] in (100.0, 101.0, 102.1, 103.0):
@@ -460,6 +464,23 @@ def test_the_result_of_a_session_counts_safety(setting, force, bent, goal, verdi
     assert card[0] == kind
     assert card[1].startswith(state)
     assert card[2:] == [*rows, f"{'W' if count else 'No w'}arning: high force", loud, *buckles]
+
+
+def test_the_list_counts_warnings_as_the_report_does(setting):
+    """A metric of a run that was changed by hand says so in the next run."""
+    one = setting(warnings=(LOUD,), every=0.5)
+    one.catalog.signals = {"wall.force": FORCE}
+    one.live.values["read"] = lambda _: SimpleNamespace(
+        time=np.array([0.0, 0.5]), values={"wall.force": np.array([0.0, 1.0])}
+    )
+    rows = [Row("pass", "near", "3 mm"), Row("not judged", "far", ""), Row("", "mean", "1 N", True)]
+    catalog = SimpleNamespace(judged_until=0.0, targets={}, controls=())
+    one.live.values["changes"][one.state.epoch] = {"wall.stiffness": 0.0}
+    with one.page:
+        summary.judged(one.console, SimpleNamespace(live=one.live, rows=lambda: rows, catalog=catalog), ui.label())
+    one.page.tick()
+    assert "2 of 2 requirements met, 1 not judged." in one.page.shown()
+    assert one.console.latest_metrics[1] == {"mean": "1 N, changed by hand"}
 
 
 def test_warnings_count_until_the_last_target(setting):

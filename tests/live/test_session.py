@@ -209,7 +209,9 @@ def test_values_that_are_nominal_at_the_first_step_are_not_changed(tmp_path):
     assert steps == [({"heart.rate": 0.0}, True), ({}, False), ({}, False), ({"heart.rate": 0.001}, True)]
     (summary,) = tmp_path.glob("runs/*/2*/summary.json")
     assert json.loads(summary.read_text())["paper_applies"] is False  # a value was set after the first step
-    play(tmp_path, tmp_path / "beat.yaml", send(1.5), send(None), go)
+    play(tmp_path, tmp_path / "beat.yaml", send(1.5), send(None), lambda *_: wall.sleep(0.3), go)
+    times = [json.loads(file.read_text())["wall_time"] for file in tmp_path.glob("runs/*/2*/summary.json")]
+    assert 0.0 < max(times) < 0.25  # without the pause
     found = {json.loads(file.read_text())["paper_applies"] for file in tmp_path.glob("runs/*/2*/summary.json")}
     assert found == {False, True}
 

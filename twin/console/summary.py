@@ -108,9 +108,11 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
         if (duration := time.monotonic() - begin) > QUICK:
             paused_until[0] = begin + 11 * duration
         has_ended = live.state.phase in OVER or live.state.time >= verdicts.catalog.judged_until
-        if (rows, has_ended) == shown[0] or not rows:
+        is_scored = bool(verdicts.catalog.targets)  # then warnings are in the line of the score
+        counted = rows if is_scored else [*rows, *(await nicegui_run.io_bound(warning_rows, live) or [])]
+        if (counted, has_ended) == shown[0] or not rows:
             return
-        shown[0], total.text = (rows, has_ended), headline(rows, has_ended)
+        shown[0], total.text = (counted, has_ended), headline(counted, has_ended)
         names = [row.name for row in rows if row.verdict == "fail" and not row.is_metric]
         failed.text, failed.visible = f"Not met: {'; '.join(names)}", bool(names)
         is_changed = bool(live.changes.get(live.state.epoch)) and not verdicts.catalog.controls
@@ -179,7 +181,7 @@ def result_card(result: SessionResult) -> None:
         with ui.row().classes("items-center gap-2"):
             color = {"failed": "twin-bad", "passed": "twin-good"}.get(result.kind, "twin-warn")
             ui.label(result.kind.capitalize()).classes(f"twin-state {color}")
-            ui.label(result.score or headline(list(result.requirements), True)).classes("twin-h")
+            ui.label(result.score or headline([*result.requirements, *result.warnings], True)).classes("twin-h")
         if result.early:
             ui.label(result.early)
         with ui.element("div").classes("twin-result-rows full-width"):

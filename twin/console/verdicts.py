@@ -183,4 +183,4 @@ def headline(rows: list[Row], has_ended: bool) -> str:
     rest = f", {left} not judged" * bool(left) + f"; {len(off)} metrics far from their reference" * bool(off)
     if counts["fail"]:
         return f"{counts['fail']} of {judged} requirements failed{rest}."
-    return f"{judged} of {judged + left} requirements met{rest}." if left else f"All {judged} requirements met{rest}."
+    return f"{judged} of {judged} requirements met{rest}." if left else f"All {judged} requirements met{rest}."
