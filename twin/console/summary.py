@@ -109,7 +109,7 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
             paused_until[0] = begin + 11 * duration
         has_ended = live.state.phase in OVER or live.state.time >= verdicts.catalog.judged_until
         is_scored = bool(verdicts.catalog.targets)  # then warnings are in the line of the score
-        counted = rows if is_scored else [*rows, *(await nicegui_run.io_bound(warning_rows, live) or [])]
+        counted = [*(rows or ()), *(() if is_scored else await nicegui_run.io_bound(warning_rows, live) or ())]
         if (counted, has_ended) == shown[0] or not rows:
             return
         shown[0], total.text = (counted, has_ended), headline(counted, has_ended)
