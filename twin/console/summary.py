@@ -109,7 +109,8 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
             paused_until[0] = begin + 11 * duration
         has_ended = live.state.phase in OVER or live.state.time >= verdicts.catalog.judged_until
         is_scored = bool(verdicts.catalog.targets)  # then warnings are in the line of the score
-        counted = [*(rows or ()), *(() if is_scored else await nicegui_run.io_bound(warning_rows, live) or ())]
+        warnings = () if is_scored else await nicegui_run.io_bound(warning_rows, live) or ()
+        counted = [*(rows or ()), *map(named_warning, warnings)]
         if (counted, has_ended) == shown[0] or not rows:
             return
         shown[0], total.text = (counted, has_ended), headline(counted, has_ended)
@@ -123,11 +124,16 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
         )
         column.clear()
         with column:
-            for row in rows:
+            for row in counted:
                 past = before.get(row.name)
                 listed(row, f"{row.detail}; the run before: {past}" if past else row.detail)
 
     ui.timer(JUDGE_PERIOD, judge)
+
+
+def named_warning(row: Row) -> Row:
+    """Return the row of a warning with a name that says whether it was shown."""
+    return replace(row, name=f"{'Warning' if row.verdict == 'fail' else 'No warning'}: {row.name}")
 
 
 def listed(row: Row, detail: str) -> None:
@@ -189,10 +195,8 @@ def result_card(result: SessionResult) -> None:
                 if row.verdict == "fail":
                     problem = "Far from its reference" if row.is_metric else "Not met"
                     listed(replace(row, name=f"{problem}: {row.name}"), row.detail)
-            for row in result.warnings:
-                listed(
-                    replace(row, name=f"{'Warning' if row.verdict == 'fail' else 'No warning'}: {row.name}"), row.detail
-                )
+            for row in map(named_warning, result.warnings):
+                listed(row, row.detail)
 
 
 def banner(context: PageContext) -> None:
