@@ -28,6 +28,10 @@ def told(*arguments):
         (["racs", "--rate", "11"], "0.1<=x<=10"),
         (["racs", "--port", "80"], "1024<=x<=65535"),
         (["heart_wall_force", "--variant", "nope", "--no-open"], "there is no variant `nope`. Known: "),
+        (
+            ["heart_wall_force", "--set", "heart.rte=1", "--no-open"],
+            "heart has no variable `rte`. Did you mean `rate`?",
+        ),
     ],
 )
 def test_what_is_refused(arguments, problem):

@@ -78,6 +78,9 @@ def test_a_run_that_stays_at_its_start_is_no_run_to_compare_with():
     assert third.previous_run is full
     assert third.read(f"{PREVIOUS}a.x", 0.0, 9.0, 100)[1].size == 5
     assert re.fullmatch(r"quiet, \d\d:\d\d", full.title)
+    setting.live.catalog.controls = ()
+    setting.live.values["changes"][full.epoch] = {"a.x": 0.0}
+    assert re.fullmatch(r"quiet, changed by hand, \d\d:\d\d", full.title)
 
 
 def test_the_first_panes_of_a_chart():
@@ -92,6 +95,9 @@ def test_the_first_panes_of_a_chart():
             ("Four", "m", ("a.x",)),
         ),
         bands={"One": (0.001, 0.002)},
+        lines={"One": (0.0015,)},
+        warnings=({"signal": "a.x", "above": 0.003, "below": -0.003},),
+        start=0.0,
     )
     panes = charts.first_panes(catalog, curves)
     assert [(pane.title, pane.unit, pane.band) for pane in panes] == [
@@ -99,14 +105,18 @@ def test_the_first_panes_of_a_chart():
         ("Two", "N", None),
         ("Three", "mm", None),
     ]
+    assert [pane.lines for pane in panes] == [[1.5], [], []]
+    assert [[limit["y"] for limit in pane.limits] for pane in panes] == [[3.0, -3.0], [], [3.0, -3.0]]  # of warnings
     assert [[(curve.name, curve.color, curve.step) for curve in pane.curves] for pane in panes] == [
         [("a.x", 0, False), ("b.n", 1, True)],
         [("b.n", 1, True)],
         [("a.x", 0, False)],  # the same signal, the same color
     ]
-    many = SimpleNamespace(plots=(("One", "m", ("a.x",) * 7), ("Two", "m", ("b.n",) * 3)), bands={})
+    many = SimpleNamespace(
+        plots=(("One", "m", ("a.x",) * 7), ("Two", "m", ("b.n",) * 3)), bands={}, lines={}, warnings=(), start=0.0
+    )
     assert [len(pane.curves) for pane in charts.first_panes(many, curves)] == [7, 1]
-    own = charts.first_panes(SimpleNamespace(plots=(), bands={}), curves)
+    own = charts.first_panes(SimpleNamespace(plots=(), bands={}, lines={}, warnings=(), start=0.0), curves)
     assert [(pane.unit, [(curve.name, curve.color) for curve in pane.curves]) for pane in own] == [
         ("mm", [("a.x", 0)]),
         ("m", [("a.m[1,1]", 1)]),

@@ -60,14 +60,14 @@ def test_pictures_are_drawn_in_si_where_a_member_declares_other_units():
         catalog,
         signals={name: replace(one, unit=units[name], start=2.0) for name, one in catalog.signals.items()},
         targets={"signal": "drive.position", "tolerance": 5.0, "points": {"near": [3.0]}},
-        warnings=({"signal": "wall.force", "above": 200.0, "text": "high"},),
+        warnings=({"signal": "wall.force", "above": 200.0, "below": -200.0, "text": "high"},),
     )
     drawn = to_si(catalog)
     (view,) = build_views(drawn)
     assert view["parts"][1]["sizes"] == {"surface_position": 0.002}
     assert view["targets"] == [{"name": "near", "at": [0.003], "tolerance": 0.005}]
     assert view["limits"] == {"wall.force": 0.2}
-    assert drawn.warnings[0]["above"] == 0.2
+    assert (drawn.warnings[0]["above"], drawn.warnings[0]["below"]) == (0.2, -0.2)
 
 
 def test_nothing_is_drawn_of_what_is_unknown():

@@ -46,7 +46,7 @@ class Setting:
             "warnings": (),
         }
         self.catalog = SimpleNamespace(signals={one.name: one for one in signals}, **defaults | catalog)
-        values = {"state": self.state, "catalog": self.catalog, "done": [], "changed_values": {}}
+        values = {"state": self.state, "catalog": self.catalog, "done": [], "changes": {}, "changed_values": {}}
         self.live = Recorder("live", self.calls, values)
         self.console = Host(live=self.live)
         self.page = Page(monkeypatch)

@@ -20,7 +20,7 @@ from tests.console.without_a_process import Recorder
 from twin.console import page, start_page, summary, targets
 from twin.console.page import PageContext
 from twin.console.session import Host
-from twin.console.verdicts import Row, headline
+from twin.console.verdicts import Row, headline, warning_rows
 from twin.errors import TwinError
 from twin.scenario.scenario_paths import Overview
 from twin.web.operator_lock import NO_OPERATOR, NOT_OPERATOR
@@ -50,7 +50,7 @@ class Setting:
             "fastest_rate": math.inf,
         }
         self.catalog = SimpleNamespace(**defaults | catalog)
-        values = {"state": self.state, "catalog": self.catalog, "done": [], "changed_values": {}}
+        values = {"state": self.state, "catalog": self.catalog, "done": [], "changes": {}, "changed_values": {}}
         self.live = Recorder("live", self.calls, values)
         self.console = Host(live=self.live)
         for name in ("resume", "restart", "stop", "reset", "leave", "begin", "release_hold"):
@@ -299,7 +299,9 @@ def test_a_session_is_prepared_or_fails(setting):
 
 def test_requirements_are_judged_once_rows_are_there(setting):
     one, judged = setting(), [[]]
-    verdicts = SimpleNamespace(live=one.live, rows=lambda: judged[0], catalog=SimpleNamespace(judged_until=0.0))
+    verdicts = SimpleNamespace(
+        live=one.live, rows=lambda: judged[0], catalog=SimpleNamespace(judged_until=0.0, targets={}, controls=())
+    )
     one.state.epoch = 0
     with one.page:
         summary.judged(one.console, verdicts, failed := ui.label())
@@ -341,7 +343,9 @@ def test_slow_judgments_leave_the_server_to_the_joysticks(setting, monkeypatch):
 
     monkeypatch.setattr(summary.time, "monotonic", lambda: clock[0])
     one.state.epoch = 1
-    verdicts = SimpleNamespace(live=one.live, rows=rows, catalog=SimpleNamespace(judged_until=0.0))
+    verdicts = SimpleNamespace(
+        live=one.live, rows=rows, catalog=SimpleNamespace(judged_until=0.0, targets={}, controls=())
+    )
     with one.page:
         summary.judged(one.console, verdicts, ui.label())
     for clock[0] in (100.0, 101.0, 102.1, 103.0):
@@ -416,7 +420,7 @@ def test_values_that_were_set_by_hand_stay_unless_nominal_ones_are_chosen(settin
 FORCE = SimpleNamespace(factor=1.0, offset=0.0, display_unit="N")
 TIP = SimpleNamespace(factor=1e3, offset=0.0, display_unit="mm")
 GOALS = {"signal": "tip.x", "tolerance": 1e-3, "points": {"near": [0.01]}}
-LOUD = {"signal": "wall.force", "above": 2.0, "text": "high force"}
+LOUD = {"signal": "wall.force", "above": 2.0, "below": -2.0, "text": "high force"}
 BENT = {"signal": "wall.bent", "above": 0, "text": "it buckles"}
 
 
@@ -427,6 +431,7 @@ BENT = {"signal": "wall.bent", "above": 0, "text": "it buckles"}
         ([0.5, 1.0, 1.5], 0, 0.03, "pass", "Targets left", []),
         ([0.5, 1.0, 1.5], 0, 0.01, "waiting", "Ended early", []),
         ([0.5, 4.891, 2.5], 0, 0.01, "pass", "Failed", []),
+        ([0.5, -3.1, 1.5], 0, 0.01, "pass", "Failed", []),
         ([0.5, 1.0, 1.5], 1, 0.01, "pass", "Failed", []),
         ([0.5, 1.0, 1.5], 0, 0.01, "fail", "Failed", ["Not met: behind", "-45 mm"]),
     ],
@@ -450,8 +455,8 @@ def test_the_result_of_a_session_counts_safety(setting, force, bent, goal, verdi
     one.page.tick()
     shown = one.page.shown()
     card = shown[shown.index("another scenario") + 1 :]
-    count = sum(value > 2.0 for value in force)
-    loud = f"{f'for {0.5 * count:.1f} s' if count else 'never'}; at most {max(force):.4g} N, limit 2 N"
+    count = sum(abs(value) > 2.0 for value in force)
+    loud = f"{f'for {0.5 * count:.1f} s' if count else 'never'}; at most {max(map(abs, force)):.4g} N, limit 2 N"
     state = (
         "All 1 targets reached in 1.0 s, path length 10 mm" if goal == 0.01 else "0 of 1 targets, next: near; 1.0 s, "
     )
@@ -459,6 +464,40 @@ def test_the_result_of_a_session_counts_safety(setting, force, bent, goal, verdi
     assert card[0] == kind
     assert card[1].startswith(state)
     assert card[2:] == [*rows, f"{'W' if count else 'No w'}arning: high force", loud, *buckles]
+
+
+def test_the_list_counts_warnings_as_the_report_does(setting):
+    """A metric of a run that was changed by hand says so in the next run."""
+    one = setting(warnings=(LOUD,), every=0.5)
+    one.catalog.signals = {"wall.force": FORCE}
+    one.live.values["read"] = lambda _: SimpleNamespace(
+        time=np.array([0.0, 0.5]), values={"wall.force": np.array([0.0, 1.0])}
+    )
+    rows = [Row("pass", "near", "3 mm"), Row("not judged", "far", ""), Row("", "mean", "1 N", True)]
+    catalog = SimpleNamespace(judged_until=0.0, targets={}, controls=())
+    one.live.values["changes"][one.state.epoch] = {"wall.stiffness": 0.0}
+    with one.page:
+        summary.judged(one.console, SimpleNamespace(live=one.live, rows=lambda: rows, catalog=catalog), ui.label())
+    one.page.tick()
+    assert {"2 of 2 requirements met, 1 not judged.", "No warning: high force"} <= set(one.page.shown())
+    assert one.console.latest_metrics[1] == {"mean": "1 N, changed by hand"}
+
+
+def test_warnings_count_until_the_last_target(setting):
+    """Also in the line above the picture; what is shown later is added to the card once the session is over."""
+    one = setting(targets=GOALS, warnings=(LOUD,), every=0.5)
+    one.catalog.signals = {"wall.force": FORCE, "tip.x": TIP}
+    values = {"wall.force": np.array([0.5, 2.5, -1.0, 4.9, -4.0]), "tip.x": np.array([0.0, 0.005, 0.01, 0.01, 0.01])}
+    one.live.values["read"] = lambda names: SimpleNamespace(
+        time=0.5 * np.arange(5), values={name: values[name] for name in names}
+    )
+    detail = "for 0.5 s; at most 2.5 N, limit 2 N"
+    end = targets.session_score(one.live).end
+    assert end == 1.0
+    assert [row.detail for row in warning_rows(one.live, end)] == [detail]
+    one.state.phase = "stopped"
+    (row,) = summary.session_result(one.live, None).warnings
+    assert row.detail == f"{detail}; afterwards for 1.0 s, at most 4.9 N"
 
 
 def test_the_last_target_is_announced_and_a_session_that_ended_early_has_not_passed(setting, tmp_path):

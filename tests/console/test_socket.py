@@ -178,6 +178,7 @@ def test_a_session_begins_after_the_one_before(monkeypatch):
     one.live = None
     one.begin(Path("y.yaml"))
     assert (one._source, begun[1][0], begun[1][1]["variant"], begun[1][1]["seed"]) == (None, Path("y.yaml"), None, None)
+    assert begun[1][1]["overrides"] == ()  # those of the command line are for its scenario
 
 
 @pytest.mark.parametrize(

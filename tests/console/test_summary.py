@@ -66,7 +66,7 @@ def test_a_scenario_pauses_at_its_end_and_the_next_run_is_compared(host):
         "tolerance": 2e-4,
         "points": {"systole": [1.4e-3], "never": [1.0]},
     }
-    assert catalog.warnings == ({"signal": "heart.position", "above": 2e-3, "text": "far out"},)
+    assert catalog.warnings == ({"signal": "heart.position", "above": 2e-3, "text": "far out", "below": -2e-3},)
     assert (host.stop_label, host.source.previous_run) == ("End", None)
     host.resume()
     until(lambda: host.live.state.phase == "paused" and host.live.state.time > 0)

@@ -26,7 +26,7 @@ def test_score_counts_from_the_first_command():
     assert score(time[:2], values[:2], TARGETS, 0.5) == Score({}, 0.0, 0.5)
     assert score(time[:5], values[:5], TARGETS, 0.5) == Score({"near": 2.5}, 2.5, 3.5)
     full = score(time, values, TARGETS, 0.5)
-    assert full == Score({"near": 2.5, "far": 4.5}, 6.0, 4.5)
+    assert full == Score({"near": 2.5, "far": 4.5}, 6.0, 4.5, 5.0)
     longer = score(np.arange(8.0), np.vstack([values, [[9, 9], [9, 9]]]), TARGETS, 0.5)
     assert longer == full  # what comes after the last target does not count
     assert text(full, TARGETS, 1e3, "mm") == "All 2 targets reached in 4.5 s, path length 6000 mm"
@@ -42,7 +42,7 @@ def test_score_counts_from_the_first_command():
 
 def test_a_single_number_is_a_signal_too():
     now = score(np.array([0.0, 1.0]), np.array([0.0, 2.0]), TARGETS | {"points": {"near": [2.0]}}, 0.0)
-    assert now == Score({"near": 1.0}, 2.0, 1.0)
+    assert now == Score({"near": 1.0}, 2.0, 1.0, 1.0)
 
 
 def test_the_first_command_moves_an_input_with_a_control():
@@ -91,7 +91,10 @@ def test_units():
         "points": {"systole": [8e-3]},
         "hint": "hold still",
     }
-    assert resolve_warning(scenario.console_warnings[0], catalog)["above"] == 0.5
+    warning = resolve_warning(scenario.console_warnings[0], catalog)
+    assert (warning["above"], warning["below"]) == (0.5, -0.5)  # a force in either direction
+    negative = resolve_warning(scenario.console_warnings[0].model_copy(update={"above": 0}), catalog)
+    assert "below" not in negative
     assert {"heart.position", "wall.force"} <= set(scenario.record.needed)
 
 

@@ -103,12 +103,15 @@ class Setting:
             wall_clock=False,
             plots=(),
             bands={},
+            lines={},
+            warnings=(),
             spaces=({"space": SPACE.plain(), "curvature": [], "diameter": []},),
         )
         self.rows = {"a.x": np.array([1.0, 2.0]), "a.m": np.array([[[1.0, np.nan], [3.0, np.inf]]])}
         values = {
             "state": state,
             "catalog": catalog,
+            "changes": {},
             "latest": lambda names: SimpleNamespace(values={name: self.rows[name] for name in names}),
         }
         self.live = Recorder("live", self.calls, values)

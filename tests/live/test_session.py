@@ -4,6 +4,7 @@ Over 400 lines: one session and its commands serve all tests.
 """
 
 import copy
+import json
 import math
 import time as wall
 from pathlib import Path
@@ -184,6 +185,35 @@ def test_every_command_at_its_communication_point(tmp_path):
     ]
     assert (script.all("epoch"), other != one) == ([1, 2], True)
     assert script.all("phase")[-1] == "finishing"
+
+
+@pytest.mark.slow
+def test_values_that_are_nominal_at_the_first_step_are_not_changed(tmp_path):
+    """Only values that a run has used count: its comparison with published values holds after `nominal values` at 0 s."""
+    (tmp_path / "beat.yaml").write_text("{stop_time: 20 ms, step: 1 ms, members: {heart: {component: heart}}}")
+    steps, nominal = [], []
+
+    def send(value):
+        def act(session, _script):
+            start = session.executor.catalog.signals["heart.rate"].start
+            nominal.append(start)
+            return {"ask": "set", "name": "heart.rate", "value": start if value is None else value, "number": 1}
+
+        return act
+
+    def note(session, _script):
+        steps.append((session.status()["changes"], session.operator_changes() != []))
+
+    go = {"ask": "step", "number": 2}
+    play(tmp_path, tmp_path / "beat.yaml", send(1.5), note, send(None), note, go, note, send(None), note)
+    assert steps == [({"heart.rate": 0.0}, True), ({}, False), ({}, False), ({"heart.rate": 0.001}, True)]
+    (summary,) = tmp_path.glob("runs/*/2*/summary.json")
+    assert json.loads(summary.read_text())["paper_applies"] is False  # a value was set after the first step
+    play(tmp_path, tmp_path / "beat.yaml", send(1.5), send(None), lambda *_: wall.sleep(0.3), go)
+    times = [json.loads(file.read_text())["wall_time"] for file in tmp_path.glob("runs/*/2*/summary.json")]
+    assert 0.0 < max(times) < 0.25  # without the pause
+    found = {json.loads(file.read_text())["paper_applies"] for file in tmp_path.glob("runs/*/2*/summary.json")}
+    assert found == {False, True}
 
 
 @pytest.mark.slow

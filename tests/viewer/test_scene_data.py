@@ -94,9 +94,11 @@ def test_the_band_of_a_force_is_that_of_its_only_expectation(tmp_path, expect, b
 def test_targets_and_warnings_are_in_the_unit_of_the_values():
     variables = {"tip": {"x": variable("x", "output", "mm"), "t": variable("t", "output", "degC")}}
     targets = {"signal": "tip.x", "tolerance": 2.0, "points": {"there": [5.0]}}
-    found, (warning,) = limits_in_si(targets, [{"signal": "tip.t", "above": 40.0, "text": "hot"}], variables)
+    found, (warning,) = limits_in_si(
+        targets, [{"signal": "tip.t", "above": 40.0, "below": -40.0, "text": "hot"}], variables
+    )
     assert found == {"signal": "tip.x", "tolerance": 0.002, "points": {"there": [0.005]}}
-    assert warning == {"signal": "tip.t", "above": 313.15, "text": "hot"}
+    assert warning == {"signal": "tip.t", "above": 313.15, "below": pytest.approx(233.15), "text": "hot"}
     assert limits_in_si({}, [], variables) == ({}, ())
 
 

@@ -83,7 +83,7 @@ def command(
     twin console racs --hardware can0.yaml --arm    real drives may move
     """
     from twin import web
-    from twin.scenario import lint, scenario_paths
+    from twin.scenario import lint, load_scenario, scenario_paths
 
     import_optional("nicegui", "console", "twin console")
     if arm and hardware_file is None:
@@ -93,6 +93,10 @@ def command(
         raise TwinError(f"{path}: does not exist. Check the path, or see `twin list scenarios`.")
     if path is not None and variant:
         lint(path, imports=False)[0].cases([variant])  # before a page is served
+    if path is not None and overrides:
+        from twin.run import resolve_catalogs
+
+        resolve_catalogs(load_scenario(path, overrides))  # raises an error for an unknown name, as `twin run` does
     if path is None and (variant or seed is not None or overrides):
         raise click.UsageError("--variant, --seed and --set need a SCENARIO.")
 

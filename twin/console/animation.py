@@ -34,7 +34,10 @@ def to_si(catalog: Catalog) -> Catalog:
         else replace(signal, start=convert(signal.start, scales[name]))
         for name, signal in catalog.signals.items()
     }
-    warnings = tuple({**each, "above": convert(each["above"], scale(each["signal"]))} for each in catalog.warnings)
+    warnings = tuple(
+        {**each, **{key: convert(each[key], scale(each["signal"])) for key in ("above", "below") if key in each}}
+        for each in catalog.warnings
+    )
     targets = dict(catalog.targets)
     if targets:
         factor, offset = scale(targets["signal"])

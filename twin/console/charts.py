@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from twin.live import Catalog
 
 SPANS = {5.0: "5 s", 10.0: "10 s", 30.0: "30 s", 60.0: "1 min", 300.0: "5 min", 1200.0: "20 min"}
+FOREVER = 1e9  # [s]: JSON has no infinity
 MARKS = 100
 MARK_WIDTH = 28  # characters
 FIRST_CURVES, FIRST_PANES = 8, 3
@@ -36,15 +37,27 @@ def first_panes(catalog: Catalog, curves: SessionCurves) -> list[web.Pane]:
                 [_curve(curves, name, colors.setdefault(name, len(colors))) for name in shown],
             )
         )
+        signal = curves.signals[shown[0]]
         if title in catalog.bands:
-            signal = curves.signals[shown[0]]
             low, high = (signal.factor * edge + signal.offset for edge in catalog.bands[title])
             panes[-1].band = (low, high)
+        panes[-1].lines = [signal.factor * line + signal.offset for line in catalog.lines.get(title, ())]
+        panes[-1].limits = warning_limits(catalog, curves, shown)
         color += len(shown)  # a signal has one color in all panes
     if not panes:
         outputs = [name for name, signal in curves.signals.items() if signal.kind == "output"][:2]
         panes = [web.Pane(unit=_unit(curves, name), curves=[_curve(curves, name, k)]) for k, name in enumerate(outputs)]
     return panes
+
+
+def warning_limits(catalog: Catalog, curves: SessionCurves, shown: list[str]) -> list[dict[str, Any]]:
+    """Return the limits of the warnings of shown signals, in display units."""
+    warnings = [(curves.signals[each["signal"]], each) for each in catalog.warnings if each["signal"] in shown]
+    edges = [(signal, each[key]) for signal, each in warnings for key in ("above", "below") if key in each]
+    return [
+        {"y": signal.factor * edge + signal.offset, "from": catalog.start, "to": FOREVER, "failed": True}
+        for signal, edge in edges
+    ]
 
 
 def _unit(curves: SessionCurves, name: str) -> str:

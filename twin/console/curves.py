@@ -30,7 +30,7 @@ class SessionCurves:
         assert live.catalog is not None
         self.live, self._catalog, self.epoch = live, live.catalog, live.state.epoch
         self._reader: RecordingReader | None = None
-        self.title = f"{self._catalog.variant}, {time.strftime('%H:%M')}"
+        self._begin = time.strftime("%H:%M")
         if previous_run is not None and not previous_run.has_moved:  # nothing to compare with
             previous_run = previous_run.previous_run
         self.previous_run: SessionCurves | None = previous_run
@@ -40,6 +40,12 @@ class SessionCurves:
             name: signal for signal in live.catalog.signals.values() if signal.recorded for name in elements(signal)
         }
         self._clock = next(iter(self.signals), "")
+
+    @property
+    def title(self) -> str:
+        """Variant, whether values were changed by hand, and time of day; with controls everything is by hand."""
+        is_changed = bool(self.live.changes.get(self.epoch)) and not self._catalog.controls
+        return f"{self._catalog.variant}{', changed by hand' * is_changed}, {self._begin}"
 
     @property
     def has_moved(self) -> bool:

@@ -114,6 +114,7 @@ class Host:
             self._stopping = None
             if scenario != self.scenario:
                 self._source = None
+                self.overrides = self.overrides if self.scenario is None else ()  # they are of the command's scenario
             self.scenario, self.variant, self.seed = scenario, variant, seed
             self.live = LiveSession.start(
                 scenario,

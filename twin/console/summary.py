@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import subprocess
 import sys
 import time
@@ -107,22 +108,32 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
         if (duration := time.monotonic() - begin) > QUICK:
             paused_until[0] = begin + 11 * duration
         has_ended = live.state.phase in OVER or live.state.time >= verdicts.catalog.judged_until
-        if (rows, has_ended) == shown[0] or not rows:
+        is_scored = bool(verdicts.catalog.targets)  # then warnings are in the line of the score
+        warnings = () if is_scored else await nicegui_run.io_bound(warning_rows, live) or ()
+        counted = [*(rows or ()), *map(named_warning, warnings)]
+        if (counted, has_ended) == shown[0] or not rows:
             return
-        shown[0], total.text = (rows, has_ended), headline(rows, has_ended)
+        shown[0], total.text = (counted, has_ended), headline(counted, has_ended)
         names = [row.name for row in rows if row.verdict == "fail" and not row.is_metric]
         failed.text, failed.visible = f"Not met: {'; '.join(names)}", bool(names)
+        is_changed = bool(live.changes.get(live.state.epoch)) and not verdicts.catalog.controls
+        metrics = [row for row in rows if row.is_metric and row.verdict != WAITING]
         console.latest_metrics = (
             (id(live), live.state.epoch),
-            {row.name: row.detail.partition(REFERENCE)[0] for row in rows if row.is_metric and row.verdict != WAITING},
+            {row.name: row.detail.partition(REFERENCE)[0] + ", changed by hand" * is_changed for row in metrics},
         )
         column.clear()
         with column:
-            for row in rows:
+            for row in counted:
                 past = before.get(row.name)
                 listed(row, f"{row.detail}; the run before: {past}" if past else row.detail)
 
     ui.timer(JUDGE_PERIOD, judge)
+
+
+def named_warning(row: Row) -> Row:
+    """Return the row of a warning with a name that says whether it was shown."""
+    return replace(row, name=f"{'Warning' if row.verdict == 'fail' else 'No warning'}: {row.name}")
 
 
 def listed(row: Row, detail: str) -> None:
@@ -152,12 +163,12 @@ class SessionResult:
 def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> SessionResult:
     """Return the result of a session: that of its folder, or that of the rows so far where no folder was written."""
     rows = verdicts.rows() if verdicts is not None else []
-    warnings = warning_rows(live)
-    words, is_complete = "", True
+    words, is_complete, end = "", True, math.inf
     if live.catalog is not None and live.catalog.targets:
         score = targets.session_score(live) or Score({})
         words = targets.session_text(score, live.catalog)
-        is_complete = len(score.reached) == len(live.catalog.targets["points"])
+        is_complete, end = len(score.reached) == len(live.catalog.targets["points"]), score.end
+    warnings = warning_rows(live, end)
     file = Path(live.state.folder) / "summary.json"
     summary = json.loads(file.read_text(encoding="utf-8")) if live.state.folder and file.is_file() else {}
     early = str(summary["reason"]) if summary.get("status") == "interrupted" else ""
@@ -176,7 +187,7 @@ def result_card(result: SessionResult) -> None:
         with ui.row().classes("items-center gap-2"):
             color = {"failed": "twin-bad", "passed": "twin-good"}.get(result.kind, "twin-warn")
             ui.label(result.kind.capitalize()).classes(f"twin-state {color}")
-            ui.label(result.score or headline(list(result.requirements), True)).classes("twin-h")
+            ui.label(result.score or headline([*result.requirements, *result.warnings], True)).classes("twin-h")
         if result.early:
             ui.label(result.early)
         with ui.element("div").classes("twin-result-rows full-width"):
@@ -184,10 +195,8 @@ def result_card(result: SessionResult) -> None:
                 if row.verdict == "fail":
                     problem = "Far from its reference" if row.is_metric else "Not met"
                     listed(replace(row, name=f"{problem}: {row.name}"), row.detail)
-            for row in result.warnings:
-                listed(
-                    replace(row, name=f"{'Warning' if row.verdict == 'fail' else 'No warning'}: {row.name}"), row.detail
-                )
+            for row in map(named_warning, result.warnings):
+                listed(row, row.detail)
 
 
 def banner(context: PageContext) -> None:

@@ -54,7 +54,7 @@ def panel(context: PageContext, picture: Pictures) -> None:
         if live is not context.console.live or (now := await nicegui_run.io_bound(session_score, live)) is None:
             return
         context.score = now
-        rows = await nicegui_run.io_bound(warning_rows, live) or []
+        rows = await nicegui_run.io_bound(warning_rows, live, now.end) or []
         warned = [f"{row.name} {row.detail.replace(';', ',')}" for row in rows if row.verdict == "fail"]
         label.text = "; ".join([session_text(now, catalog), *warned])
         label.classes(add="twin-bad" if warned else "", remove="" if warned else "twin-bad")

@@ -88,7 +88,7 @@ class SessionVerdicts:
         units = {name: self.catalog.signals[name].unit for name in self._names}
         tables = {(self.catalog.variant, self.catalog.seed): Signals(samples.time, samples.values, units)}
         end = now if self.live.state.phase in OVER else self.catalog.judged_until
-        changed = any(command.by_operator and command.time < end for command in self.live.done)
+        changed = any(time < end for time in self.live.changes.get(self.live.state.epoch, {}).values())
         judged = [each for each in self.expectations if self._begin(each) <= now and not (changed and each.nominal)]
         metrics = {name: each for name, each in self.metrics.items() if begin(each) <= now}
         evaluation = evaluate(metrics, judged, tables, not changed, has_ended=now >= end)
@@ -135,8 +135,11 @@ def metric_row(result: MetricResult, is_final: bool) -> Row:
     return Row(result.verdict if is_judged else METRIC, metric_name(metric), detail, True)
 
 
-def warning_rows(live: LiveSession) -> list[Row]:
-    """Return a row for each warning of the scenario: how long it was shown so far, and the largest value of its signal."""
+def warning_rows(live: LiveSession, end: float = math.inf) -> list[Row]:
+    """Return a row for each warning of the scenario: how long it was shown, and the largest value of its signal.
+
+    Both count until now, or `end` of the score [s]; what was shown later is added once the session is over.
+    """
     catalog = live.catalog
     if catalog is None or not catalog.warnings:
         return []
@@ -148,8 +151,9 @@ def warning_rows(live: LiveSession) -> list[Row]:
     for warning in catalog.warnings if len(samples.time) else ():
         signal = catalog.signals[warning["signal"].partition("[")[0]]
         scale = signal.display_unit, signal.factor, signal.offset
-        result = warning_result(samples.time, samples.values[warning["signal"]], warning, scale)
-        rows.append(Row("fail" if result["duration"] else "pass", warning["text"], result["detail"]))
+        result = warning_result(samples.time, samples.values[warning["signal"]], warning, scale, end)
+        detail = result["detail"] + result["afterwards"] * (live.state.phase in OVER)
+        rows.append(Row("fail" if result["duration"] else "pass", warning["text"], detail))
     return rows
 
 
@@ -179,4 +183,4 @@ def headline(rows: list[Row], has_ended: bool) -> str:
     rest = f", {left} not judged" * bool(left) + f"; {len(off)} metrics far from their reference" * bool(off)
     if counts["fail"]:
         return f"{counts['fail']} of {judged} requirements failed{rest}."
-    return f"{judged} of {judged + left} requirements met{rest}." if left else f"All {judged} requirements met{rest}."
+    return f"{judged} of {judged} requirements met{rest}." if left else f"All {judged} requirements met{rest}."

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
 
 @dataclass(frozen=True)
@@ -114,6 +114,7 @@ class Catalog:
     warnings: tuple[Mapping[str, Any], ...] = ()  # signal, above, text
     scenes: tuple[Mapping[str, Any], ...] = ()  # title; walls [mm]; motions, lines, points, arrows by names of signals
     spaces: tuple[Mapping[str, Any], ...] = ()  # title, axes; specification of a `Space` and parameters of its path
+    lines: Mapping[str, Sequence[float]] = field(default_factory=dict)  # of plots
 
     @property
     def judged_until(self) -> float:

@@ -100,6 +100,7 @@ def catalog_of(
         *targets_and_warnings(original, variables),
         tuple(scene_data(scene) for scene in scenario.scenes),
         tuple(space_data(scene, case, variables) for scene in spaces_of(scenario, variant, variables)),
+        {plot.title: plot.lines for plot in scenario.plots if plot.lines},
     )
 
 

@@ -76,6 +76,7 @@ class LiveSession:
         self.catalog: Catalog | None = None
         self.state = SessionState(rate=job["rate"])
         self.done: tuple[ExecutedCommand, ...] = ()
+        self.changes: dict[int, Mapping[str, float]] = {}  # by epoch: first change of each variable by the operator [s]
         self._problems: list[str] = []
         self._ends = False  # whether SIGTERM was sent to the process
         self._said: deque[tuple[int, float, str]] = deque(maxlen=MESSAGE_CAPACITY)
@@ -195,7 +196,8 @@ class LiveSession:
             self._answers.clear()
             self._changed.notify_all()
 
-    def _receive_state(self, data: dict[str, Any], _message: dict[str, Any]) -> None:
+    def _receive_state(self, data: dict[str, Any], message: dict[str, Any]) -> None:
+        self.changes[message.get("epoch", self.state.epoch)] = data.pop("changes", {})
         self.state = replace(self.state, **data)
 
     def _receive_catalog(self, data: dict[str, Any], message: dict[str, Any]) -> None:

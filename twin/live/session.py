@@ -70,6 +70,7 @@ class Session:
         self._last_status_time = self._last_drive_status_time = -inf
         self._last_update = wall.monotonic()  # of held inputs
         self.first_values: dict[str, Any] = {}  # set at the start, as an operator would
+        self.paused_time = 0.0  # of the current run [s]
         self._message, self.shown_message = 0, ""
         self._executor: CommandExecutor | None = None
 
@@ -81,6 +82,7 @@ class Session:
         folder = simulated.recorder.file.parent.parent  # type: ignore[attr-defined]
         self.folder, self.epoch = str(folder), self.epoch + 1
         self.ending = self.again = False
+        self.paused_time = 0.0
         self.simulated, self.case = simulated, case
         variables = {name: member.variables for name, member in simulated.members.items()}
         wall_clock = self.drives is not None and self.drives.wall_clock
@@ -138,6 +140,7 @@ class Session:
                 latest = min(due if goes else now + MAX_SLEEP, self.dead_man.deadline, now + MAX_SLEEP)
                 self.listen(max(latest - now, 0.0))
                 self.update_held_inputs()
+                self.paused_time += 0.0 if goes else wall.monotonic() - now
                 if goes and wall.monotonic() >= due:
                     continue  # the block has precedence over status messages
             else:
@@ -383,6 +386,7 @@ class Session:
             "jitter": pace.jitter,
             "values": executor.values,
             "overridden": executor.overridden,
+            "changes": {name: clock.seconds(times[0]) for name, times in executor.operator_changes.items()},
             "held": {name: held.value for name, held in self.dead_man.inputs.items() if held.moves},
         }
 

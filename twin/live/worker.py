@@ -77,6 +77,7 @@ class SessionProcess:
             run_case=session.course,
             operator_changes=session.operator_changes,
             early_end=session.early_end,
+            paused_time=lambda: session.paused_time,
         )
         while True:
             outcome = run_scenario(own, options, hardware=self.hardware, callbacks=callbacks)

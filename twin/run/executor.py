@@ -242,6 +242,7 @@ class RunExecutor:
                         run_case(case, cosimulation, self.report_progress, self.checkpoints)
             finally:
                 duration = time.perf_counter() - start_time + (self.checkpoints.wall_time if self.checkpoints else 0.0)
+            duration -= self.callbacks.paused_time()
             reason, is_cut = self.callbacks.early_end()
             complete = not is_cut
             if reason:

@@ -35,12 +35,13 @@ WARNING = "warning: "  # begins a note
 class Score:
     """Targets reached so far with their times, the length of the path, and the time until the last target or until now.
 
-    Times count from the first command [s], 0 before it; `path` is in the unit of the signal.
+    Times count from the first command [s], 0 before it; `path` is in the unit of the signal. `end`: time of the last target [s].
     """
 
     reached: Mapping[str, float]
     path: float = 0.0
     duration: float = 0.0
+    end: float = np.inf
 
 
 def score(
@@ -63,6 +64,7 @@ def score(
         dict(sorted(reached.items(), key=lambda entry: entry[1])),
         float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
         end,
+        begin + end if is_complete else np.inf,
     )
 
 
@@ -97,16 +99,33 @@ def point_label(scenes: Iterable[Mapping[str, Any]], signal: str) -> str:
 
 
 def warning_result(
-    time: NDArray[np.float64], values: NDArray[Any], warning: Mapping[str, Any], scale: tuple[str, float, float]
+    time: NDArray[np.float64],
+    values: NDArray[Any],
+    warning: Mapping[str, Any],
+    scale: tuple[str, float, float],
+    end: float = np.inf,
 ) -> dict[str, Any]:
-    """Return for how long a warning was shown [s], and the largest value of its signal. `scale`: display unit, factor, offset."""
+    """Return for how long a warning was shown [s], and the largest value of its signal, or magnitude if it has a limit `below`.
+
+    `scale`: display unit, factor, offset. `end`: of the score [s]; what is shown later is in `afterwards` alone.
+    """
     rows = np.asarray(values, np.float64).reshape(len(time), -1).max(axis=1)
+    if "below" in warning:
+        rows = np.abs(rows)
     every = float(time[1] - time[0]) if len(time) > 1 else 0.0
     shown_unit, factor, offset = scale
-    duration = every * int((rows > warning["above"]).sum())
-    peak, limit = (factor * value + offset for value in (float(rows.max()), warning["above"]))
-    figures = ", limit ".join(f"{value:.4g} {shown_unit}".rstrip() for value in (peak, limit))
-    text = f"for {duration:.1f} s" if duration else "never"
+    limit = factor * warning["above"] + offset
+
+    def judged(part: NDArray[np.float64]) -> tuple[float, float, str, str]:
+        duration, peak = (
+            every * int((part > warning["above"]).sum()),
+            factor * float(part.max(initial=-np.inf)) + offset,
+        )
+        text = f"for {duration:.1f} s" if duration else "never"
+        return duration, peak, text, f"at most {peak:.4g} {shown_unit}".rstrip()
+
+    duration, peak, text, peak_text = judged(rows[time <= end])
+    later, _, later_text, later_peak = judged(rows[time > end])
     return {
         "text": warning["text"],
         "signal": warning["signal"],
@@ -114,7 +133,8 @@ def warning_result(
         "limit": limit,
         "maximum": peak,
         "duration": duration,
-        "detail": f"{text}; at most {figures}" if limit else text,
+        "detail": f"{text}; {peak_text}, limit {limit:.4g} {shown_unit}".rstrip() if limit else text,
+        "afterwards": f"; afterwards {later_text}{f', {later_peak}' * bool(limit)}" if later else "",
     }
 
 
@@ -142,7 +162,7 @@ def display_conversion(variable: MemberVariable) -> tuple[str, float, float]:
 def operator_result(scenario: ScenarioSpec, case: Case, catalog: Catalog, signals: Signals) -> dict[str, Any]:
     """Return the score and the warnings of a session from its rows, as plain data; empty without targets and warnings."""
     targets, warnings = targets_and_warnings(scenario, catalog)
-    time, result = np.asarray(signals.time), dict[str, Any]()
+    time, result, end = np.asarray(signals.time), dict[str, Any](), np.inf
     if not len(time):
         return result
     if targets:
@@ -150,6 +170,7 @@ def operator_result(scenario: ScenarioSpec, case: Case, catalog: Catalog, signal
         controls = controls_of(scenario, case, catalog)
         begin = first_motion(time, [(recorded_rows(signals, each.spec.input), each.rest) for each in controls])
         now = score(time, recorded_rows(signals, targets["signal"]), targets, begin)
+        end = now.end
         label = point_label((scene_data(scene) for scene in scenario.scenes), targets["signal"])
         result["targets"] = {
             "signal": targets["signal"],
@@ -161,12 +182,14 @@ def operator_result(scenario: ScenarioSpec, case: Case, catalog: Catalog, signal
             "detail": score_text(now, targets, factor, shown_unit, label),
         }
     if warnings:
-        result["warnings"] = warning_results(warnings, catalog, signals)
+        result["warnings"] = warning_results(warnings, catalog, signals, end)
     return result
 
 
-def warning_results(warnings: Iterable[Mapping[str, Any]], catalog: Catalog, signals: Signals) -> list[dict[str, Any]]:
-    """Return for how long each warning was shown, or would have been without an operator."""
+def warning_results(
+    warnings: Iterable[Mapping[str, Any]], catalog: Catalog, signals: Signals, end: float = np.inf
+) -> list[dict[str, Any]]:
+    """Return for how long each warning was shown until `end` [s], or would have been without an operator."""
     time = np.asarray(signals.time)
     return [
         warning_result(
@@ -174,6 +197,7 @@ def warning_results(warnings: Iterable[Mapping[str, Any]], catalog: Catalog, sig
             recorded_rows(signals, warning["signal"]),
             warning,
             display_conversion(find(warning["signal"], catalog).variable),
+            end,
         )
         for warning in warnings
     ]
@@ -219,7 +243,9 @@ def operator_requirements(operation: Mapping[str, Any]) -> list[ExpectationResul
         results.append(ExpectationResult(name, "fail" if targets["missed"] else "pass", targets["detail"]))
     for warning in operation.get("warnings", ()):
         verdict = "fail" if warning["duration"] else "pass"
-        results.append(ExpectationResult(f"No warning: {warning['text']}", verdict, warning["detail"]))
+        results.append(
+            ExpectationResult(f"No warning: {warning['text']}", verdict, warning["detail"] + warning["afterwards"])
+        )
     return results
 
 

@@ -76,7 +76,7 @@ class RunCallbacks:
     `progress`: gets the name of a case and its completed fraction. `on_log_line`: gets each line of the members in
     `log_patterns`. `run_case`: takes each case from its start to its end, if not to its stop time. `operator_changes`: lines
     about what an operator changed in the last case; then the run is not one of the file's own settings. `early_end`: why the
-    last case ended before its end, and whether it is incomplete.
+    last case ended before its end, and whether it is incomplete. `paused_time`: for how long an operator paused the last case [s].
     """
 
     progress: Progress = noop
@@ -84,6 +84,7 @@ class RunCallbacks:
     run_case: Callable[[Case, CoSimulation, Progress], object] = run_case
     operator_changes: Callable[[], list[str]] = list
     early_end: Callable[[], tuple[str, bool]] = lambda: ("", False)
+    paused_time: Callable[[], float] = float
 
 
 def accept_former_arguments(

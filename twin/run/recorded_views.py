@@ -154,7 +154,10 @@ def limits_in_si(
         points = {name: [factor * x + offset for x in point] for name, point in targets["points"].items()}
         targets = {**targets, "points": points, "tolerance": factor * targets["tolerance"]}
     scaled = [(warning, scale(warning["signal"])) for warning in warnings]
-    limits = tuple({**warning, "above": factor * warning["above"] + offset} for warning, (factor, offset) in scaled)
+    limits = tuple(
+        {**warning, **{key: factor * warning[key] + offset for key in ("above", "below") if key in warning}}
+        for warning, (factor, offset) in scaled
+    )
     return dict(targets), limits
 
 

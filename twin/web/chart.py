@@ -33,7 +33,8 @@ class ChartCurve:
 class Pane:
     """Curves over one axis, in a height of `weight` relative to other panes.
 
-    `own`: not over time but over `x` ({label, unit}); `log`: logarithmic axes ("x", "y", "xy").
+    `own`: not over time but over `x` ({label, unit}); `log`: logarithmic axes ("x", "y", "xy"). `limits`: lines with `y`,
+    `from` and `to` [s], red if `failed`.
     """
 
     title: str = ""
@@ -42,6 +43,7 @@ class Pane:
     weight: float = 1.0
     band: tuple[float, float] | None = None
     lines: list[float] = field(default_factory=list)
+    limits: list[dict[str, Any]] = field(default_factory=list)
     own: bool = False
     log: str = ""
     x: dict[str, str] | None = None

@@ -22,7 +22,7 @@ export default {
   unmounted() { channel.listeners.delete(this.onTick); channel.watch(this, []); },
   methods: {
     warn(state) {
-      this.warning = this.warnings.filter((one) => Number(state.values[one.signal]) > one.above).map((one) => one.text).join(" · ");
+      this.warning = this.warnings.filter((one) => Number(state.values[one.signal]) > one.above || Number(state.values[one.signal]) < one.below).map((one) => one.text).join(" · ");
       const now = performance.now();
       if (!this.warning || !channel.operator || state.phase !== "running" || now < (this.felt || 0) + RUMBLE.duration) return;
       this.felt = now;

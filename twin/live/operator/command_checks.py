@@ -108,6 +108,16 @@ class CommandExecutor:
         if by_operator:
             name = event.variable if isinstance(event, EventSpec) else text
             self.operator_changes.setdefault(name, []).append(event.time_ns)
+            if isinstance(event, EventSpec) and self.is_nominal(event):
+                del self.operator_changes[name]
+
+    def is_nominal(self, event: EventSpec) -> bool:
+        """Return whether an operator's event sets the value of the file again before the first step, so that nothing is changed."""
+        if event.kind != "set" or event.time_ns != self.case.start_ns or event.variable in self.overridden:
+            return False
+        signal = self.catalog.signals.get(event.variable)
+        at_start = {each.variable for each in self.case.events if each.time_ns == self.case.start_ns}
+        return signal is not None and event.variable not in at_start and signal.start == event.value
 
     def add_done(self, time: clock.Time, kind: str, text: str, line: str, by_operator: bool) -> None:
         """Add an executed command to `done`, which is sent next."""

@@ -117,12 +117,15 @@ def resolve_targets(spec: TargetKeys, catalog: Catalog) -> dict[str, Any]:
 
 
 def resolve_warning(spec: WarningKeys, catalog: Catalog) -> dict[str, Any]:
-    """Return a warning with its limit in the signal's unit; CouplingError for an array or a text."""
+    """Return a warning with its limits in the signal's unit; CouplingError for an array or a text.
+
+    A limit above zero is one of the magnitude, such as of a force in either direction: `below` is its negative.
+    """
     variable, index = find(spec.signal, catalog)
     if variable.shape or index or variable.dtype.kind == "O":
         raise CouplingError(f"{spec.signal}: expected a single number, not an array, an element of one, or a text.")
     above = number(spec.above, variable, f"{spec.signal}: above")
-    return {"signal": spec.signal, "above": above, "text": spec.text}
+    return {"signal": spec.signal, "above": above, "text": spec.text} | ({"below": -above} if above > 0.0 else {})
 
 
 def slider_range(scenario: ScenarioSpec, case: Case, catalog: Catalog, name: str) -> tuple[float, float] | None:

@@ -270,7 +270,7 @@ class TargetKeys(Keys):
 
 
 class WarningKeys(Keys):
-    """A warning in the picture of the console while a scalar signal is above a limit."""
+    """A warning in the picture of the console while a scalar signal, its magnitude for a limit above zero, is above it."""
 
     signal: Reference
     above: Value
