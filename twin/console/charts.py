@@ -55,7 +55,7 @@ def warning_limits(catalog: Catalog, curves: SessionCurves, shown: list[str]) ->
     warnings = [(curves.signals[each["signal"]], each) for each in catalog.warnings if each["signal"] in shown]
     edges = [(signal, each[key]) for signal, each in warnings for key in ("above", "below") if key in each]
     return [
-        {"y": signal.factor * edge + signal.offset, "from": catalog.start, "to": FOREVER, "failed": True}
+        {"y": signal.factor * edge + signal.offset, "from": catalog.start, "to": FOREVER, "failed": True, "warns": True}
         for signal, edge in edges
     ]
 

@@ -2,7 +2,7 @@
 //
 //   new Chart(element, {panes, source, span, follow, notify, marks})
 //   panes:  [{title, ending, unit, weight, curves: [{name, label, short, color, step, dash, width, opacity, faint, low, high, about}], band: [low, high], lines: [y], own, log,
-//            x: {label, unit}, spans: [{from, to, text}], reach: [first, last], case: [variant, seed], range: [low, high], home, domain: [low, high], limits: [{y, from, to, failed}]}]
+//            x: {label, unit}, spans: [{from, to, text}], reach: [first, last], case: [variant, seed], range: [low, high], home, domain: [low, high], limits: [{y, from, to, failed, warns}]}]
 //           `ending`: of all labels, whose rest is `short`. `weight`: height relative to other panes. `own`: over its own x instead of time (x-y, spectra). log: "", "x", "y", "xy"
 //           `range`: of the vertical axis, and `domain`: of its own x, to which a user has zoomed; `home`: the range without zoom (default: `range`)
 //           `reach`: times of the curves' ends; marks (of the pane's variant) and the time cursor are drawn in between only. marks: [{at, text, variants}]

@@ -51,10 +51,10 @@ function fitPane(chart, pane, box, shown, more) {
   Object.assign(box, { across, down, from, to, low, high, logX, logY });
 }
 
-// The range of the visible samples, with the references that are near. A live axis has all of them: it must not jump.
+// The range of the visible samples, with the references that are near. A live axis has all of them, since it must not jump, but far limits of warnings would flatten its curves.
 function verticalRange(chart, pane, series, from, to) {
   const [low, high] = extent(series, from, to, []), margin = NEAR * (high - low);
-  const near = references(pane).filter(({ y, failed }) => failed || chart.follow || (y > low - margin && y < high + margin)).map(({ y }) => y);
+  const near = references(pane).filter(({ y, failed, warns }) => (!warns && (failed || chart.follow)) || (y > low - margin && y < high + margin)).map(({ y }) => y);
   return near.length ? extent(series, from, to, near) : [low, high];
 }
 
