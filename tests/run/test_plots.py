@@ -102,7 +102,10 @@ def test_where_an_expectation_failed_is_marked() -> None:
     assert [one.title for one in shown] == ["Failed: far", "Failed: end", "Force <per> controller"]
     assert "; line: seed 1; light: range of seeds 1-2; red: " in shown[2].note
     assert shown[2].note.endswith("red: violates stays <in> band: a.force from 0.1 N to 0.22 N, in PI")
-    assert draw_plots(PLOTS[1:2], cases, [], [], PackedArrays(), "")[0].note == "seed 1; light, on paper only: seed 2"
+    assert (
+        draw_plots(PLOTS[1:2], cases, [], [], PackedArrays(), "")[0].note
+        == "line: seed 1; light: on paper only, seed 2"
+    )
     assert all(plot_annotations.VIOLATION_COLOR in one.svg for one in shown)
     assert plot_annotations.VIOLATION_COLOR not in plotting.plot_svg(PLOTS[0], cases)
 

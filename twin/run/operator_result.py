@@ -214,6 +214,8 @@ def warning_notes(
             continue
         _, warnings = targets_and_warnings(scenario, catalog)
         recorded = [each for each in warnings if each["signal"].partition("[")[0] in signals.values]
+        if not recorded:
+            continue  # nobody reads the times of a recording that may be larger than memory
         least = NOTICEABLE * float(signals.time[-1] - signals.time[0])
         notes += [
             f"{variant}, seed {seed}: {WARNING}{each['text']} {each['detail']}"
