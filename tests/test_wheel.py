@@ -83,9 +83,8 @@ def test_it_holds_what_the_checkout_has(home):
 
 
 def test_what_is_shipped_is_found_by_name(twin):
-    listed = twin("list")
-    for name in ("servomotor", "heart_wall_force", "epos4"):
-        assert f" {name} " in listed
+    for kind, name in (("components", "servomotor"), ("scenarios", "heart_wall_force"), ("profiles", "epos4")):
+        assert f" {name} " in twin("list", kind)
     assert "target_position" in twin("describe", "servomotor")
     assert "ok (" in twin("check", "racs", "in_vivo_navigation")
 

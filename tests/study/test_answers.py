@@ -285,7 +285,7 @@ def test_the_worst_case_of_a_limit_on_a_signal_is_named(tmp_path, monkeypatch):
     assert first.text.endswith("is case 3, where sensor.measured_force is 95 mN, expected at most 80 mN.")
     keep = SimpleNamespace(failed=1, worst=0)
     assert noteworthy(cases, keep) == [3, 2, 5]  # the worst of the kind, then the others that fail
-    monkeypatch.setattr("twin.study.answers.summary.KEPT_FAILURES", 2)
+    monkeypatch.setattr("twin.study.answers.summary.MAX_STORED_FAILURES", 2)
     assert noteworthy(cases, keep) == [3, 2]
 
 

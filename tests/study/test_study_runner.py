@@ -216,17 +216,17 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
     write_report(outcome)
     text = (tmp_path / page.PAGE).read_text()
     assert re.findall("<div><b>([^<]*)</b><span>([^<]*)</span>", text) == [
-        ("4", "cases"),
+        ("4", "cases: 2 variants of each sample"),
         ("6", "samples, latin hypercube"),
         ("1", "did not finish"),
-        ("12.3 s", "3 processes"),
+        ("12.3 s", "3 processes, without this report"),
     ]
     rows = [cells(row) for row in re.findall("<tr.*?</tr>", text, re.DOTALL)]
     first, second, third, last = rows[-4:]
     assert [one.split()[0] for one in (first, second, third, last)] == ["2", "4", "1", "3"]  # failures first
     assert first.startswith("2 report Copy gentle soft ")
     assert f'data-command="twin view {tmp_path}:2"' in text
-    assert third.startswith("1 Copy pass plain ")
+    assert third.startswith("1 not kept Copy pass plain ")
     assert f'data-command="twin run --case {tmp_path}:3"' in text
     assert "did not finish: lost" in second
     assert (tmp_path / page.PAGE).read_text().count("navigator.clipboard.writeText") == 1

@@ -80,21 +80,21 @@ def traces(
         is_first = variant not in plotted_variants
         plotted_variants.add(variant)
         for number, curve in enumerate(plot.curves if is_first or not is_mean else ()):
-            found = (
+            curve_rows = (
                 plotting.mean_and_range(curve, plot, selected, variant)
                 if is_mean
                 else plotting.curve_points(curve, plot, signals)
             )
-            if found is None:
+            if curve_rows is None:
                 continue
-            x, y = plotting.to_axis_units(found[:2], curve, plot, MAX_POINTS)
+            x, y = plotting.to_axis_units(curve_rows[:2], curve, plot, MAX_POINTS)
             label, color_index, style_index = plotting.curve_style(plot, names, variant, number, run_variants)
             color = plotting.COLORS[color_index]
             shape = "hv" if plotting.curve_kind(curve, tables) else "linear"
-            for edge, fill in zip(found[2:], (None, "tonexty"), strict=False):
+            for edge, fill in zip(curve_rows[2:], (None, "tonexty"), strict=False):
                 yield Scatter(
                     x=x,
-                    y=plotting.to_axis_units((found[0], edge), curve, plot, MAX_POINTS)[1],
+                    y=plotting.to_axis_units((curve_rows[0], edge), curve, plot, MAX_POINTS)[1],
                     legendgroup=label,
                     showlegend=False,
                     hoverinfo="skip",

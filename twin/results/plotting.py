@@ -406,14 +406,14 @@ def draw_panel(
         is_first = variant not in plotted_variants
         plotted_variants.add(variant)
         for number, curve in enumerate(plot.curves if is_first or not is_mean else ()):
-            found = mean_and_range(curve, plot, tables, variant) if is_mean else curve_points(curve, plot, signals)
-            if found is None:
+            curve_rows = mean_and_range(curve, plot, tables, variant) if is_mean else curve_points(curve, plot, signals)
+            if curve_rows is None:
                 continue
-            points = found[:2]
+            points = curve_rows[:2]
             x, y = to_axis_units(points, curve, plot, MAX_POINTS if is_first else MAX_POINTS // 3)
             label, color_index, style_index = curve_style(plot, names, variant, number, run_variants)
             step = "post" if curve_kind(curve, tables) else None
-            if edges := [to_axis_units((found[0], edge), curve, plot, MAX_POINTS)[1] for edge in found[2:]]:
+            if edges := [to_axis_units((curve_rows[0], edge), curve, plot, MAX_POINTS)[1] for edge in curve_rows[2:]]:
                 axis.fill_between(x, *edges, step=step, color=COLORS[color_index], alpha=0.2, linewidth=0)
             style = MARKERS[number % len(MARKERS)] if plot.points else LINE_STYLES[style_index]
             axis.plot(

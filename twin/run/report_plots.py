@@ -131,11 +131,11 @@ def plot_note(plot: Plot, tables: Tables, shown_violations: Sequence[Violation])
     seeds = list(dict.fromkeys(seed for _, seed in tables))
     if len(seeds) > 1:
         line_seeds = dict(reversed(list(plotting.selected_tables(plot, tables))))
-        drawn = set(line_seeds.values())
-        line = f"seed {min(drawn)}" if len(drawn) == 1 else "the seed in the title, the worst of a failure"
+        of_lines = set(line_seeds.values())
+        line = f"seed {min(of_lines)}" if len(of_lines) == 1 else "the seed in the title, the worst of a failure"
         light = f"range of seeds {join_numbers(seeds)}"
         if plotting.is_loop_plot(plot) and not plot.points:
-            others = [seed for seed in seeds if seed not in drawn]
+            others = [seed for seed in seeds if seed not in of_lines]
             names = f"seed{'s' * (len(others) > 1)} {join_numbers(others)}" if others else "the other seeds"
             light = f"on paper only, {names}"
         parts.append(f"line: {line}; light: {light}")

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from twin.study.execution.case_table import CaseTable
 
 MAX_SENTENCES = 3  # of a kind
-KEPT_FAILURES = 10  # cases that fail, all of whose signals are kept where the study keeps any; more, if more are the worst of a kind
+MAX_STORED_FAILURES = 10  # cases that fail, all of whose signals are kept where the study keeps any; more, if more are the worst of a kind
 
 
 class Answers:
@@ -142,7 +142,7 @@ def noteworthy(cases: CaseTable, keep: KeepKeys) -> list[int]:
     """Numbers of the cases of which the study keeps everything: the worst that fail, and the worst of each metric and variant.
 
     Of failures: the worst case of each of the lowest pass rates, which sentences name, and of each kind of failure, then the
-    others up to `KEPT_FAILURES` in all.
+    others up to `MAX_STORED_FAILURES` in all.
     """
     numbers: list[int] = []
     if keep.failed:
@@ -155,7 +155,7 @@ def noteworthy(cases: CaseTable, keep: KeepKeys) -> list[int]:
         others = [
             row.number for row in cases.rows if (row.status != DONE or False in row.holds) and row.number not in numbers
         ]
-        numbers += others[: max(KEPT_FAILURES - len(numbers), 0)]
+        numbers += others[: max(MAX_STORED_FAILURES - len(numbers), 0)]
     for metric, _, own in cases.by_metric() if keep.worst else ():
         values = cases.metric(metric.name)
         finite = sorted((i for i in own if np.isfinite(values[i])), key=lambda i: -abs(values[i]))
