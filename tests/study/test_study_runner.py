@@ -242,7 +242,7 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
         text
         for metric in ("force_max", "motion")
         for text in (
-            f"histogram {metric}",
+            *(f"histogram {metric} {variant}" for variant in ("plain", "soft")),
             *(f"scatter {metric} {variant}" for variant in ("plain", "soft") for _ in range(3)),  # over three factors
             *(f"parallel {metric} {variant}" for variant in ("plain", "soft")),
         )
