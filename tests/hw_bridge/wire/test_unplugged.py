@@ -190,7 +190,7 @@ def test_a_person_and_the_drive_as_commands(cable, tmp_path, build):
         assert "node 1 on slcan" in drive.stdout.readline()
         path = tmp_path / "bench.yaml"
         path.write_text(BENCH.format(channel=ours))
-        move = ["move", "servomotor", "--by", "20 mm", "--velocity", "10 mm/s", "--arm"]
+        move = ["move", "servomotor", "--by", "20 mm", "--distance", "20 mm", "--velocity", "10 mm/s", "--arm"]
         done = CliRunner().invoke(hil.command, [*move, "-f", str(path), "--build", str(build)])
         assert isinstance(done.exception, SimulationError)
         assert re.match(rf"bus: .*{GONE}", str(done.exception))
