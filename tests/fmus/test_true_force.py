@@ -112,4 +112,4 @@ def test_a_controller_that_does_nothing_or_the_opposite_is_noticed(tmp_path, bui
     warning = (
         "PI, seed 1: warning: the motor's thermal load (I2t) is near its limit of 1 for 1.1 s; at most 1, limit 0.9"
     )
-    assert [note for note in run.summary.get("notes", []) if "warning" in note] == [warning] * ("mass" in change)
+    assert [note for note in run.summary.get("notes", []) if "thermal" in note] == [warning] * ("mass" in change)
