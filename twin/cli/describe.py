@@ -200,8 +200,7 @@ def show_scenario(path: Path, everything: bool = False, text: str = "") -> bool:
     if (record := scenario.mutations) is not None and not text:
         detected = record.tried - len(record.unnoticed)
         say(f"The requirements detect {detected} of {record.tried} deliberate faults (benchmarks/mutations.py).")
-        undetected = [(name, "", "", reason) for name, reason in record.unnoticed.items()] if everything else []
-        print_table("undetected fault", undetected, "reason")
+        print_table("undetected fault", [(name, "", "", reason) for name, reason in record.unnoticed.items()], "reason")
     if not everything and not text:
         show_often_changed(scenario)
     return shown
