@@ -185,13 +185,8 @@ def drive(page: Page, drive_axis: Axis) -> None:
     """Limits and steps of a drive."""
     from nicegui import ui
 
-    typed, name, limits, to_text = page.typed, drive_axis.name, drive_axis.keys.limits, drive_axis.format_quantity
-    low, high = limits.position
-    ui.label(
-        f"node {drive_axis.keys.node}, {to_text(low)} to {to_text(high)}, {to_text(limits.velocity, '/s')}, "
-        f"{to_text(limits.acceleration, '/s^2')}; limits are those of the hardware file"
-    ).classes("twin-soft")
-
+    typed, name = page.typed, drive_axis.name
+    ui.label(limits_text(drive_axis)).classes("twin-soft")
     notice = ui.label("").classes("twin-state twin-warn").props("role=alert")
 
     def change(event: ValueChangeEventArguments[Any]) -> None:
@@ -243,6 +238,16 @@ def drive(page: Page, drive_axis: Axis) -> None:
         done_before.update(each.title for each in STEPS if is_done(each))
 
     page.updates.append(mark)
+
+
+def limits_text(drive_axis: Axis) -> str:
+    """Node and limits of a drive."""
+    limits, to_text = drive_axis.keys.limits, drive_axis.format_quantity
+    low, high = limits.position
+    return (
+        f"node {drive_axis.keys.node}, {to_text(low)} to {to_text(high)}, {to_text(limits.velocity, '/s')}, "
+        f"{to_text(limits.acceleration, '/s^2')}; limits are those of the hardware file"
+    )
 
 
 def step_state(page: Page, command_step: Step, drive_axis: Axis) -> tuple[str, str | None]:

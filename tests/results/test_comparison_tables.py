@@ -1,4 +1,7 @@
-"""Numbers of a comparison: differences of a signal, of its times, of summaries; their order and verdict."""
+"""Numbers of a comparison: differences of a signal, of its times, of summaries; their order and verdict.
+
+Over 400 lines: signals, metrics and verdicts are compared in the same two made-up runs.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Commands of `twin hil` on a drive without a bus: what they write, move and print, and their exit codes."""
+"""Commands of `twin hil` on a drive without a bus: what they write, move and print, and their exit codes.
+
+Over 400 lines: all commands share one drive in place of a bus.
+"""
 
 import itertools
 import re
