@@ -8,6 +8,7 @@ Processor time, not wall time, of the component alone while the gripper moves li
 from __future__ import annotations
 
 import time
+from typing import Any
 
 from fmus.chain_on_wall.model import ChainOnWall
 
@@ -22,7 +23,7 @@ SCALE = 1e4  # no count is refused: what is measured is cost, not accuracy
 
 def heart(seconds: float) -> list[float]:
     """Where the heart is at each communication point [m]."""
-    part = catalog.component("heart")(blend_in=0.0)
+    part: Any = catalog.component("heart")(blend_in=0.0)
     part.start(0.0)
     found = []
     for i in range(round(seconds / H)):

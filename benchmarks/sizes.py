@@ -12,6 +12,7 @@ from __future__ import annotations
 import re
 import sys
 from importlib import metadata
+from pathlib import Path
 
 from packaging.requirements import Requirement
 
@@ -44,8 +45,8 @@ def normal(name: str) -> str:
 
 def size(name: str) -> float:
     """Size of a package's files [MB]."""
-    files = metadata.files(name) or []
-    return sum(file.locate().stat().st_size for file in files if file.locate().exists() and file.suffix != ".pyc") / 1e6
+    files = [Path(file.locate()) for file in metadata.files(name) or [] if file.suffix != ".pyc"]
+    return sum(file.stat().st_size for file in files if file.exists()) / 1e6
 
 
 def main() -> None:

@@ -231,7 +231,7 @@ def draw(errors: dict[str, dict[str, list[float]]]) -> None:
 # ------------------------------------------------------------------------------------------------- the force experiment
 
 FORCE = "scenarios/heart_wall_force.yaml"
-VARIANT = "PI+FF"
+VARIANT = "PI+FF, replayed"
 FINE = ("step=50 us", "servomotor.communication_step=0.5 ms")  # its drive samples every 0.5 ms and steps by no less
 SIGNALS = ("wall.force", "sheath.tip_position", "sheath.reaction_force")
 TRIED = {

@@ -46,7 +46,7 @@ COUPLED = ("jacobi", "jacobi, order 1", "gauss_seidel, order 1", "energy", "iter
 PAIR = "two masses, force"
 
 
-def oscillator(method_: solver.Method) -> Component:
+def oscillator(method_: solver.Method) -> Any:
     """Position and speed of a unit mass on a unit spring: a cosine."""
 
     class Oscillator(Component):

@@ -278,7 +278,7 @@ def main() -> None:
         draw_plots(outcome, PLOTS)
         frames = scene_instants(outcome.scenario.scenes[0], outcome.tables["navigation", 0])
         assert frames is not None
-        chosen = frames.at(np.searchsorted(frames.time, np.array(SHOWN) - 1e-9))
+        chosen = frames.select(np.searchsorted(frames.time, np.array(SHOWN) - 1e-9))
         (FIGURES / "navigation_vessel.svg").write_text(
             picture.figure_svg(picture.scene_figure(chosen, instants=len(SHOWN)), "navigation_vessel") + "\n"
         )

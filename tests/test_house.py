@@ -32,6 +32,17 @@ def test_house(name):
 
 
 @pytest.mark.slow
+def test_scripts_use_names_that_exist():
+    """Scripts that draw figures and measure run by hand only: a renamed method would be noticed too late."""
+    scripts = [*ROOT.glob("docs/*.py"), *ROOT.glob("benchmarks/*.py")]
+    lenient = ("--config-file=", "--ignore-missing-imports", "--follow-imports=silent")
+    command = [sys.executable, "-m", "mypy", *lenient, *map(str, scripts)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert "checked" in done.stdout or "Success" in done.stdout, done.stdout + done.stderr
+    assert not re.findall(r".*\[(?:attr-defined|call-arg|name-defined)\]", done.stdout)
+
+
+@pytest.mark.slow
 def test_only_the_supervisor_forks():
     """It does so while its process has one thread; all else is started anew. No warning about forks is silenced."""
     forking = re.compile(r"\bfork(pty)?\(|[\"']fork(server)?[\"']|multiprocessing.*\bProcess\b")
