@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "build" / "pages"
-FOLDERS = ("tutorial", "how-to", "reference", "explanation", "decisions", "readers", "figures")
+FOLDERS = ("tutorial", "how-to", "reference", "explanation", "decisions", "figures")
 ELSEWHERE = (  # where links lead in the checkout, and in the site
     (re.compile(r"(?:\.\./)+fmus/\w+/(\w+)/README\.md"), r"../components/\1.md"),
     (re.compile(r"\.\./(\w+)/README\.md"), r"\1.md"),
