@@ -164,12 +164,19 @@ def test_implausible_values_are_named_before_the_run(beats):
     done = invoke(
         "run", "beats.yaml", "--backend", "interpreted", "--no-report", "--set", rate, "--set", "heart.offset=3"
     )
-    line = f"warning: {rate} is outside of the range that the scenario states, 40 /min to 120 /min."
+    line = f"warning: {rate} is 6000 /min, outside of 40 /min to 120 /min."
     assert done.output.count(line) == 2
     assert done.output.splitlines()[-2] == line  # again above the verdict
     assert "PASS 1 of 1, 1 warning in " in done.output.splitlines()[-1]
     assert "PASS 1 of 1, 1 warning; set heart.rate" in invoke("list", "runs").output
-    assert "note: heart.offset=3 is 3 m. Write heart.offset='3 mm' if you mean mm." in done.output
+    assert "note: heart.offset=3 means 3 m = 3000 mm. Write '3 mm' if you mean mm." in done.output
+    done = invoke("run", "beats.yaml", "--backend", "interpreted", "--no-report", "--set", "heart.rate=72")
+    text = "heart.rate=72 means 72 Hz = 4320 /min, outside of 40 /min to 120 /min. Write '72 /min' if you mean /min."
+    assert f"warning: {text}" in done.output.splitlines()
+    assert "set: heart.rate=72 Hz (4320 /min)" in done.output.splitlines()
+    assert "set heart.rate=72 Hz" in invoke("list", "runs").output  # with its unit
+    shown = invoke("describe", "beats.yaml", "--filter", "heart.rate").output  # as without --filter
+    assert "60 /min" in shown and "40 to 120 /min" in shown and "Hz" not in shown
 
 
 def test_implausible_values_of_a_file_over_its_base_are_named(beats):
@@ -181,13 +188,14 @@ def test_implausible_values_of_a_file_over_its_base_are_named(beats):
     text = "extends: beats\nmembers: {heart: {parameters: {rate: 9 Hz, blend_in: 500 s}}, hert: {component: heart}}\n"
     Path("mine.yaml").write_text(text)
     lines = [
-        "warning: mine.yaml:2: heart.rate=9 Hz is outside of the range that the scenario states, 40 /min to 120 /min.",
+        "warning: mine.yaml:2: heart.rate=9 Hz is 540 /min, outside of 40 /min to 120 /min.",
         "warning: mine.yaml:2: heart.blend_in=500 s is implausible, 500 times the scenario's 1 s.",
         "note: mine.yaml:2: member `hert` is connected to nothing. Did you mean `heart`?",
     ]
     for command in (("check", "mine.yaml"), ("run", "mine.yaml", "--backend", "interpreted", "--no-report")):
         shown = invoke(*command).output.splitlines()
         assert [line for line in lines if line not in shown] == []
+    assert "mine.yaml: ok, 2 warnings (1 variant" in invoke("check", "mine.yaml").output
     assert invoke("check", "beats.yaml").output.startswith("beats.yaml: ok")
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import re
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -38,9 +36,7 @@ if TYPE_CHECKING:
     from twin.run import Hardware, RunResult
     from twin.scenario import ScenarioSpec
 
-NUMBERS = re.compile(r"[\s\[\]\d.,eE+-]+")  # the value of `--set` is one number or several, without a unit
 NOTE, WARNING = LABELS
-TIMES = ("start_time", "stop_time", "step", "period", "communication_step")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -320,8 +316,8 @@ def show(outcome: RunResult, report: bool, verbose: bool = False) -> None:
     console.print(outcome.scenario.title, style="bold")
     if sentence := outcome.summary.get("sentence"):
         show_text(sentence)
-    if outcome.scenario.overrides:
-        show_text(", ".join(with_unit(option, outcome) for option in outcome.scenario.overrides), "set: ")
+    if settings := describe_settings(outcome):
+        show_text(", ".join(settings), "set: ")
     console.print(results_table(outcome.evaluation, verbose))
     for note in group_lines(outcome.run.extra.get("notes", []), outcome.tables):
         show_text(note.replace(WARNING, "", 1), WARNING if WARNING in note else NOTE)
@@ -344,19 +340,15 @@ def describe_ending(status: str, reason: str) -> str:
     return reason if reason.startswith(status) else f"{status}: {reason}"
 
 
-def with_unit(option: str, outcome: RunResult) -> str:
-    """Return a `--set` option with the unit of a bare number, and how many elements it sets: `heart.rate=1.2 (Hz)`."""
-    path, _, text = option.partition("=")
-    unit = "s" if path.strip().rpartition(".")[2] in TIMES else ""
-    elements = 1
-    for variant, catalog in outcome.catalogs.items():
-        member, _, name = path.strip().removeprefix(f"variants.{variant}.").partition(".")
-        name, bracket, _ = name.removeprefix("parameters.").partition("[")
-        if (variable := catalog.get(member, {}).get(name)) is not None:
-            unit = variable.unit
-            elements = 1 if bracket or "," in text else math.prod(variable.shape)
-    notes = [unit] * bool(unit and NUMBERS.fullmatch(text)) + [f"all {elements} elements"] * (elements > 1)
-    return f"{option} ({', '.join(notes)})" if notes else option
+def describe_settings(outcome: RunResult) -> list[str]:
+    """Return the overrides of a run, bare numbers with their units, and the factors of a case of a study."""
+    from twin.run import with_unit
+
+    case = outcome.study_case
+    own = [option for option in outcome.scenario.overrides if case is None or option not in case.options]
+    texts = [with_unit(option, outcome.scenario, outcome.catalogs) for option in own]
+    factors = [f"{name} = {value}" for name, value in case.factors.items()] if case is not None else []
+    return [*factors, *(f"{text} ({', '.join(notes)})" if notes else text for text, notes in texts)]
 
 
 def show_verdict(outcome: RunResult, report: bool) -> None:

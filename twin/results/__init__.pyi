@@ -52,6 +52,7 @@ from .recording.latest_run import is_finished_run as is_finished_run
 from .recording.latest_run import link_latest as link_latest
 from .recording.latest_run import newer_note as newer_note
 from .recording.latest_run import resolve_latest as resolve_latest
+from .recording.latest_run import run_order as run_order
 from .recording.latest_run import suggest_folders as suggest_folders
 from .recording.run_folder import RecordedVariable as RecordedVariable
 from .recording.run_folder import count_verdicts as count_verdicts
