@@ -62,7 +62,7 @@ def show_named(what: str, everything: bool, text: str, runs: Path) -> bool:
     """Describe something by its name or file; return whether a table was printed."""
     from twin.cli.check import is_study
     from twin.cli.export import SCENARIO_FILES
-    from twin.cli.list import ANSWERS, kinds_of_names, show_run, show_study_run
+    from twin.cli.list import STUDY, kinds_of_names, show_run, show_study_run
     from twin.cli.study import show_study
     from twin.component import catalog
     from twin.results import find_by_time, resolve_latest
@@ -87,7 +87,7 @@ def show_named(what: str, everything: bool, text: str, runs: Path) -> bool:
     folder = resolve_latest(path, root=runs) if path.name == "latest" else find_by_time(runs, path)
     if (folder / "summary.json").is_file():
         return show_run(folder)
-    if (folder / ANSWERS).is_file():
+    if (folder / STUDY).is_file():
         return show_study_run(folder)
     listings = {name: listing for name, listing in kinds_of_names(runs).items() if name not in NOT_PLAIN}
     for listed_kind, listing in listings.items():
@@ -234,27 +234,29 @@ def show_often_changed(scenario: ScenarioSpec) -> None:
 
 def in_unit_of(value: str, ends: tuple[Any, ...]) -> str:
     """Return a value such as `1 Hz` in the unit of the ends of its range: `60 /min`."""
-    from twin.scenario import number
-
     unit = str(ends[-1]).partition(" ")[2] if ends else ""
     if not unit or value.partition(" ")[2] == unit:
         return value
     try:
-        return f"{number(value, f'1{unit}' if unit.startswith('/') else unit, '.'):.6g} {unit}"
+        return f"{in_unit(value, unit):.6g} {unit}"
     except (TwinError, ValueError):  # an array, or a unit of another kind
         return value
 
 
 def halfway(value: str, ends: tuple[Any, ...]) -> str:
     """Return the middle between a value and the upper end of its range, which requirements rarely exclude; "" without a range."""
-    from twin.scenario import number
-
-    unit_text = str(ends[-1]).partition(" ")[2] if ends else ""
+    unit = str(ends[-1]).partition(" ")[2] if ends else ""
     try:
-        middle = (number(value, unit_text, "") + number(ends[-1], unit_text, "")) / 2
+        return f"{sum(in_unit(each, unit) for each in (value, ends[-1])) / 2:.3g} {unit}".rstrip()
     except (TwinError, IndexError):
         return ""
-    return f"{middle:.3g} {unit_text}".rstrip()
+
+
+def in_unit(value: Any, unit: str) -> float:
+    """Return a quantity as a number in a unit as it is written in values, such as `/min`."""
+    from twin.scenario import number
+
+    return number(value, f"1{unit}" if unit.startswith("/") else unit, ".")
 
 
 def span(ends: tuple[Any, ...]) -> str:
@@ -372,7 +374,7 @@ def start(variable: Variable | MemberVariable, everything: bool = False) -> str:
 
     values = [] if variable.start is None else list(np.ravel(variable.start))
     if not values:
-        return unit(variable)
+        return f"[{unit(variable)}]" if unit(variable) not in ("", "1") else ""
     texts = [value_text(value, variable) for value in values]
     if len(set(texts)) == 1:
         return texts[0]

@@ -16,7 +16,7 @@ from twin.errors import ScenarioError, TwinError, find_similar, nearest, quote_n
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-ANSWERS = "answers.json"  # of a finished study
+STUDY = "manifest.json"  # of a study that has run
 MAX_OVERRIDES = 4  # of a run
 VERDICTS = {"info": "-", "cut": "run too short", "none": "no value", "other": "other settings"}  # of a metric
 MAX_METRICS = 20  # of the description of a run
@@ -157,35 +157,43 @@ def runs_by_folder(folder: Path) -> Listing:
     """Return finished runs and studies, the latest first, with their outcome."""
     from twin.results import finished_runs, run_order
 
-    results = {path: outcome for path in finished_runs(folder)}
-    results |= {path: study_outcome for path in finished_runs(folder, ANSWERS)}
+    results = dict.fromkeys(finished_runs(folder), outcome)
+    results |= dict.fromkeys(finished_runs(folder, STUDY), study_outcome)
     return {path.as_posix(): results[path](path) for path in sorted(results, key=run_order, reverse=True)}
 
 
 def study_outcome(folder: Path) -> str:
-    """Return the extent of a study that has run, and how many of its cases meet all requirements that are met least."""
+    """Return the extent of a study that has run, and the requirement that the fewest of its cases meet."""
     try:
-        answers = json.loads((folder / ANSWERS).read_text(encoding="utf-8"))
-        rates = [(rate["part"], rate["name"], rate["variant"]) for rate in answers["expectations"]]
-        failed = f", {answers['failed']} did not finish" if answers["failed"] else ""
-        least = ""
-        if rates:
+        study, answers = study_results(folder)
+        texts = [f"STUDY of {study['cases']} cases", "" if study["status"] == "completed" else study["status"]]
+        texts.append(f"{study['failed']} did not finish" if study["failed"] else "")
+        if rates := [(rate["part"], rate["name"], rate["variant"]) for rate in answers.get("expectations", ())]:
             part, name, variant = min(rates)
-            least = f"; {100.0 * part:.3g} % pass" + (f" '{name}' ({variant}), the least" if part < 1.0 else " all")
-        return f"STUDY of {answers['cases']} cases{failed}{least}"
+            texts.append("all pass" if part == 1.0 else f"{100.0 * part:.3g} % pass '{name}' ({variant}), the least")
+        return "; ".join(filter(None, texts))
     except (OSError, ValueError, KeyError, TypeError):
-        return f"its {ANSWERS} cannot be read"
+        return f"its {STUDY} cannot be read"
+
+
+def study_results(folder: Path) -> list[dict[str, Any]]:
+    """Return the manifest of a study that has run, and its answers, which it has unless it was interrupted or has no report."""
+    files = (folder / STUDY, folder / "answers.json")
+    return [json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {} for file in files]
 
 
 def show_study_run(folder: Path) -> bool:
     """Print what a study has found, and what to do with it; return True."""
-    answers = json.loads((folder / ANSWERS).read_text(encoding="utf-8"))
+    study, answers = study_results(folder)
     show_text(f"{folder}: {study_outcome(folder)}")
-    for sentence in answers["sentences"]:
+    show_text(study.get("title", ""))
+    sentences = answers.get("sentences", ())
+    for sentence in sentences:
         show_text(sentence["text"])
-    if case := next((sentence["case"] for sentence in answers["sentences"] if sentence["case"]), None):
-        show_text(f"Repeat this case: twin run --case {folder}:{case}")
-    show_text(f"Report: {folder / 'report.html'}")
+    report = folder / "report.html"
+    case = next((sentence["case"] for sentence in sentences if sentence["case"]), 1)
+    show_text(f"Repeat a case: twin run --case {folder}:{case}")
+    show_text(f"Cases: {folder / 'cases.parquet'}{f'  Report: {report}' if answers else ''}")
     return True
 
 

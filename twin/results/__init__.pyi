@@ -19,6 +19,7 @@ from .evaluation.hardware_termination import HardwareTermination as HardwareTerm
 from .evaluation.metric_format import MetricFormat as MetricFormat
 from .evaluation.metric_format import common_format as common_format
 from .evaluation.metric_format import display_units as display_units
+from .evaluation.metric_format import larger_unit as larger_unit
 from .evaluation.metric_format import metric_formats as metric_formats
 from .evaluation.metrics import Evaluation as Evaluation
 from .evaluation.metrics import Expectation as Expectation

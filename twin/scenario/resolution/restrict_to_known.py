@@ -40,8 +40,8 @@ def restrict(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog], analyses: 
     kept = [
         item for item in scenario.analyses if item.name in analyses and can_read(item.inputs.values(), item.variants)
     ]
-    for members in unknown.values():
-        members |= {item.name for item in scenario.analyses} - {item.name for item in kept}
+    dropped = {item.name for item in scenario.analyses} - {item.name for item in kept}
+    unknown = {variant: members | dropped for variant, members in unknown.items()}
     record = replace(scenario.record, patterns=tuple(item for item in scenario.record.patterns if can_resolve([item])))
     return replace(
         scenario,

@@ -11,7 +11,7 @@ import logging
 from functools import partial
 from pathlib import Path
 
-from twin.errors import ScenarioError, printable
+from twin.errors import ScenarioError, printable, suggestion
 from twin.scenario import fmu_reader, scenario_paths, ssp_reader
 from twin.scenario.resolution.variable_names import nearest
 from twin.scenario.yaml_files import yaml_reader
@@ -72,9 +72,13 @@ def complete(root: Node, path: Path, shown: str, problems: list[str], extending_
             f"{parent.location}: extends: more than {MAX_DEPTH} files extend each other. Join some of them."
         )
     if not target.is_file():
-        own = [] if target.parent.is_dir() and target.parent.samefile(path.parent) else target.parent.glob("*.y*ml")
         what = "file" if target.suffix else "scenario or file"
-        hint = nearest(target.name, (other.name for other in own)) or nearest(target.stem, neighbors(path))
+        names = [other.stem for other in path.parent.glob("*.yaml") if other.name != path.name]
+        if target.parent.resolve() == path.parent.resolve():
+            hint = suggestion(target.stem, [*names, *scenario_paths.scenarios()], "`")
+        else:
+            hint = suggestion(target.name, (other.name for other in target.parent.glob("*.y*ml")), "`")
+        hint = f" {hint or 'Give the name of a shipped scenario, or a path relative to this file.'}"
         if Path(parent.value).stem in scenario_paths.scenarios():
             hint = f" Write `extends: {Path(parent.value).stem}` for the one that came with the project."
         raise ScenarioError(f"{parent.location}: extends: there is no {what} {parent.value}.{hint}")
@@ -107,14 +111,6 @@ def extended_file(path: Path, name: str) -> Path:
     if target.suffix not in ("", ".yaml") or len(Path(name).parts) != 1 or target.is_file():
         return target
     return neighbor if neighbor.is_file() else scenario_paths.scenarios().get(target.stem, target)
-
-
-def neighbors(path: Path) -> list[str]:
-    """Return the names of scenarios that a file can extend: of the files beside it, and of shipped ones."""
-    return [
-        *(other.stem for other in path.parent.glob("*.yaml") if other.name != path.name),
-        *scenario_paths.scenarios(),
-    ]
 
 
 def normalize(root: Node, folder: Path, problems: list[str]) -> Node:
