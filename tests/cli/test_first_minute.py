@@ -229,7 +229,9 @@ def test_a_study_that_has_run_is_listed_and_described(beats):
     assert f"set heart.rate={factor}" in invoke("list", "runs").output
     assert "Did you mean 'few_patients.yaml'?" in str(invoke("study", "few_patient").exception)
     Path("few_patients.yaml").write_text(f"{text}set: {{heart.rat: 1}}\n")
-    assert invoke("check", "few_patients.yaml").output.startswith("few_patients.yaml:4: set: heart has no variable `rat`.")
+    assert invoke("check", "few_patients.yaml").output.startswith(
+        "few_patients.yaml:4: set: heart has no variable `rat`."
+    )
 
 
 def test_implausible_values_of_a_file_over_its_base_are_named(beats):

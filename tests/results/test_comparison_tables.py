@@ -251,19 +251,19 @@ def summary(status: str = "completed", **changes: Any) -> dict[str, Any]:
 def test_what_differs_in_two_summaries(changes: dict[str, Any], problems: list[str]) -> None:
     """Within one percent; with chosen signals the cases alone."""
     second = summary(**changes)
-    different, missing = compare_summaries(summary(), second, 0.01, metrics=True, whole=True)
+    different, missing = compare_summaries(summary(), second, 0.01, metrics=True, with_verdicts=True)
     assert [*different, *(entry.text(5) for entry in missing)] == problems
-    different, missing = compare_summaries(summary(), second, 0.01, metrics=False, whole=True)
+    different, missing = compare_summaries(summary(), second, 0.01, metrics=False, with_verdicts=True)
     assert (different, [entry.text(5) for entry in missing]) == (
         [],
         [text for text in problems if text.split()[1].startswith("case")],
     )
-    different, missing = compare_summaries(summary(), second, 0.01, metrics=True, whole=False)
+    different, missing = compare_summaries(summary(), second, 0.01, metrics=True, with_verdicts=False)
     whole = ("status", "requirement", "1 requirement")
     own = [problem for problem in problems if not problem.startswith(whole)]
     assert [*different, *(entry.text(5) for entry in missing)] == own
     selected = [select_variants(each, {"BW": ("BW", "BW")}, 0) for each in (summary(), second)]
-    assert compare_summaries(*selected, 0.01, metrics=False, whole=False) == ([], [])
+    assert compare_summaries(*selected, 0.01, metrics=False, with_verdicts=False) == ([], [])
 
 
 def test_values_of_metrics_have_one_unit_and_differ_in_their_digits() -> None:
@@ -271,7 +271,7 @@ def test_values_of_metrics_have_one_unit_and_differ_in_their_digits() -> None:
     small, other = summary(values={"1": 2.0, "2": 3.00001}), summary()
     for one in (small, other):
         one["metrics"]["other"] = {**one["metrics"]["m"], "unit": "mN", "variants": {}}
-    (line,), _ = compare_summaries(other, small, 1e-9, metrics=True, whole=True)
+    (line,), _ = compare_summaries(other, small, 1e-9, metrics=True, with_verdicts=True)
     assert line == "metric m of PI, seed 2: 3000 mN and 3000.01 mN."
 
 
@@ -364,7 +364,7 @@ def test_metrics_that_differ_are_sorted_by_relative_difference() -> None:
         {**summary(), "metrics": {name: summary(values={"1": value})["metrics"]["m"] for name, value in own.items()}}
         for own in ({"a": 1.0, "b": 1.0, "c": 1.0}, {"a": 1.1, "b": 3.0, "c": 1.2})
     )
-    lines, _ = compare_summaries(first, second, 0.0, metrics=True, whole=True)
+    lines, _ = compare_summaries(first, second, 0.0, metrics=True, with_verdicts=True)
     assert [line.split()[1] for line in lines] == ["b", "c", "a"]
 
 

@@ -187,8 +187,8 @@ def show_metrics(comparison: Comparison, everything: bool) -> None:
         rows.append([change.metric, change.variant, *texts, percent(change.relative) if has_ratio(change) else "-"])
     if rows:
         say("Metrics, by relative change:")
-    if len(compared := {row[1] for row in rows}) == 1 and "=" in (pair := next(iter(compared))):
-        show_table(["metric", *pair.split("=", 1), "change"], ([row[0], *row[2:]] for row in rows), 1)
+    if len(compared := {row[1] for row in rows}) == 1 and "=" in (chosen := next(iter(compared))):
+        show_table(["metric", *chosen.split("=", 1), "change"], ([row[0], *row[2:]] for row in rows), 1)
     else:
         show_table(["metric", "variant", "first", "second", "change"], rows, 2)
     if len(changes) > len(rows):

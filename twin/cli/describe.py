@@ -1,4 +1,7 @@
-"""`twin describe`: show the content of a component, a scenario or an FMU."""
+"""`twin describe`: show the content of a component, a scenario or an FMU.
+
+Over 400 lines: one table for all kinds of variables, of components, FMUs and members.
+"""
 
 from __future__ import annotations
 
@@ -214,15 +217,10 @@ def show_often_changed(scenario: ScenarioSpec) -> None:
     """Print the parameters that the scenario lists first, with their ranges, and commands to copy."""
     listed = scenario.console_parameters
     settings = {name: (value, meaning) for name, value, _, meaning, _ in settings_of(scenario)} if listed else {}
-    rows = [
-        (
-            name,
-            settings.get(name, ("", ""))[0],
-            span(ends),
-            settings.get(name, ("", ""))[1],
-        )
-        for name, ends in listed.items()
-    ]
+    rows = []
+    for name, ends in listed.items():
+        value, meaning = settings.get(name, ("", ""))
+        rows.append((name, value, span(ends), meaning))
     show_table(("often changed", "value", "range", "meaning"), rows, 4)
     command = f"twin run {scenario.name if has_listed_name(scenario.path) else scenario.path}"
     say(f"Run it: {command}")
@@ -234,29 +232,24 @@ def show_often_changed(scenario: ScenarioSpec) -> None:
 
 def in_unit_of(value: str, ends: tuple[Any, ...]) -> str:
     """Return a value such as `1 Hz` in the unit of the ends of its range: `60 /min`."""
+    from twin.scenario import number
+
     unit = str(ends[-1]).partition(" ")[2] if ends else ""
     if not unit or value.partition(" ")[2] == unit:
         return value
     try:
-        return f"{in_unit(value, unit):.6g} {unit}"
+        return f"{number(value, f'1{unit}' if unit.startswith('/') else unit, '.'):.6g} {unit}"
     except (TwinError, ValueError):  # an array, or a unit of another kind
         return value
 
 
 def halfway(value: str, ends: tuple[Any, ...]) -> str:
-    """Return the middle between a value and the upper end of its range, which requirements rarely exclude; "" without a range."""
-    unit = str(ends[-1]).partition(" ")[2] if ends else ""
+    """Return the middle between a value and the upper end of its range, in its unit, which requirements rarely exclude; "" without."""
     try:
-        return f"{sum(in_unit(each, unit) for each in (value, ends[-1])) / 2:.3g} {unit}".rstrip()
-    except (TwinError, IndexError):
+        numbers = [float(str(each).partition(" ")[0]) for each in (value, *ends[-1:])]
+        return " ".join([f"{sum(numbers) / len(numbers):.3g}", *value.split(" ")[1:]]) if ends else ""
+    except ValueError:  # an array
         return ""
-
-
-def in_unit(value: Any, unit: str) -> float:
-    """Return a quantity as a number in a unit as it is written in values, such as `/min`."""
-    from twin.scenario import number
-
-    return number(value, f"1{unit}" if unit.startswith("/") else unit, ".")
 
 
 def span(ends: tuple[Any, ...]) -> str:

@@ -196,7 +196,7 @@ def compare_runs(
     first, second = (
         {name: entry for name, entry in variables.items() if is_selected(name, patterns)} for variables in all_variables
     )
-    problems, missing = compare_summaries(*summaries, tolerance, metrics=not patterns, whole=not variants)
+    problems, missing = compare_summaries(*summaries, tolerance, metrics=not patterns, with_verdicts=not variants)
     notes: dict[str, dict[str, None]] = {}  # text -> its cases
     spans: dict[str, dict[str, None]] = {}
     differences: list[Difference] = []

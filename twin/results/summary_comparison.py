@@ -186,9 +186,9 @@ def compare_summaries(
     tolerance: float,
     *,
     metrics: bool,
-    whole: bool,
+    with_verdicts: bool,
 ) -> tuple[list[str], list[Missing]]:
-    """List the differences in cases and, with `metrics`, in metrics; of `whole` runs also in status and verdicts."""
+    """List the differences in cases and, with `metrics`, in metrics; `with_verdicts` also in status and requirements."""
     cases = [[(entry["variant"], str(entry["seed"])) for entry in summary["cases"]] for summary in (first, second)]
     missing = list_missing("case", *([f"{variant}, seed {seed}" for variant, seed in own] for own in cases))
     if not metrics:
@@ -203,7 +203,7 @@ def compare_summaries(
         and (entry := metric_problem(name, metric, second["metrics"][name], common, tolerance, units[name]))
     ]
     problems = [line for _, line in sorted(metric_problems, key=lambda entry: -entry[0])]
-    if not whole:
+    if not with_verdicts:
         return problems, missing
     if first["status"] != second["status"]:
         problems.insert(0, f"status: {first['status']} and {second['status']}.")

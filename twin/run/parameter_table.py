@@ -231,9 +231,9 @@ def with_unit(option: str, scenario: ScenarioSpec, catalogs: Mapping[str, Catalo
             reference = find(name, own)
         except CouplingError:  # a key of the run, or a member of other variants
             continue
-        symbol = units.shown(reference.variable.unit).removeprefix("1")
+        symbol = label(reference.variable.unit)
         shown = range_unit(scenario, name) or shown_value(reference.variable.start, reference.variable)[1]
-        if BARE.fullmatch(text) and shown not in (symbol, reference.variable.unit):
+        if BARE.fullmatch(text) and label(shown) != symbol:
             notes = [in_unit(float(text), reference.variable.unit, shown)]
         if reference.size > 1 and "," not in text:
             notes.append(f"all {reference.size} elements")
@@ -251,7 +251,13 @@ def range_unit(scenario: ScenarioSpec, name: str) -> str:
 def in_unit(value: float, symbol: str, shown: str) -> str:
     """Return a value in another unit, as text: 72 Hz as `4320 /min`."""
     (factor, offset), (shown_factor, shown_offset) = si_conversion(symbol), si_conversion(spelled(shown))
-    return f"{(value * factor + offset - shown_offset) / shown_factor:.6g} {units.shown(shown)}"
+    return f"{(value * factor + offset - shown_offset) / shown_factor:.6g} {label(shown)}"
+
+
+def label(symbol: str) -> str:
+    """Return a unit as it stands after a number: `/min` for `1/min`."""
+    text = units.shown(symbol)
+    return text.removeprefix("1") if text.startswith("1/") or text == "1" else text
 
 
 def spelled(symbol: str) -> str:
@@ -271,7 +277,7 @@ def override_remarks(
     _, _, text = option.partition("=")
     usual, shown_unit = shown_value(before, variable)
     shown_unit = limits.rpartition(" ")[2] if " " in limits.rpartition(" to ")[2] else shown_unit
-    own_unit, shown_unit = units.shown(variable.unit), units.shown(shown_unit)
+    own_unit, shown_unit = label(variable.unit), label(shown_unit)
     meaning, advice = f"{option} is", ""
     if shown_unit != own_unit:
         converted = in_unit(value, variable.unit, shown_unit)
@@ -284,7 +290,9 @@ def override_remarks(
     if ends is not None and not ends[0] <= value <= ends[1]:
         return [f"{WARNING}{meaning} outside of {limits}.{advice}"]
     if ends is None and value and before and not 1.0 / FAR <= abs(value / before) <= FAR:
-        size = f"{abs(value / before):.4g} times the scenario's {usual} {units.shown(shown_value(before, variable)[1])}".rstrip()
+        size = (
+            f"{abs(value / before):.4g} times the scenario's {usual} {label(shown_value(before, variable)[1])}".rstrip()
+        )
         return [f"{WARNING}{meaning} implausible, {size}.{advice}"]
     return [f"note: {meaning.rstrip(',')}.{advice}"] if advice else []
 
