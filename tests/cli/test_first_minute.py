@@ -227,6 +227,7 @@ def test_a_study_that_has_run_is_listed_and_described(beats):
     (factor,) = [line.removeprefix("set: heart.rate = ") for line in lines if line.startswith("set: ")]
     assert re.fullmatch(r"[\d.]{1,6} /min", factor)
     assert f"set heart.rate={factor}" in invoke("list", "runs").output
+    assert str(invoke("run", "few_patients").exception) == "few_patients.yaml is a study: twin study few_patients.yaml"
     assert "Did you mean 'few_patients.yaml'?" in str(invoke("study", "few_patient").exception)
     Path("few_patients.yaml").write_text(f"{text}set: {{heart.rat: 1}}\n")
     assert invoke("check", "few_patients.yaml").output.startswith(

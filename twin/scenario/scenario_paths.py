@@ -146,6 +146,8 @@ def located(name_or_path: str | Path, kind: str = "scenario") -> Path:
         if path.name in scenarios(other):
             raise ScenarioError(f"{path.name!r} is a {other}: {command} {path.name}")
         if (file := path.with_suffix(".yaml")).is_file():
+            if is_study_file(file) != (kind == "study"):
+                raise ScenarioError(f"{file} is a {other}: {command} {file}")
             raise ScenarioError(f"There is no {kind} {path.name!r}. Name the file that is here: {file}")
         from twin.component import catalog
 
