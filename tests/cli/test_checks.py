@@ -9,15 +9,18 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import click
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from tests.every_case import every_case
-from twin.cli import error_lines, options, run, view
+from twin.cli import error_lines, options, view
 from twin.cli.export import ExportOptions, component
 from twin.cli.options import PLATFORMS
-from twin.cli.run import HardwareOptions, RunArguments, RunProgress, report_outcome, show_verdict
+from twin.cli.run import HardwareOptions, RunArguments, RunProgress, recover_interrupted, report_outcome, show_verdict
+from twin.coupling import MemberVariable
 from twin.errors import TwinError
+from twin.run import with_unit
 
 FILE = Path("bench.yaml")
 RUN = RunArguments(
@@ -241,6 +244,9 @@ def outcome(**attributes):
             "DONE in 1.23 s (9.9x real time). Report: runs/a/1/report.html",
         ),
         ({"factor": 10.0}, True, "PASS 2 of 3 in 1.23 s (10x real time)."),
+        ({"duration": 6.2}, True, "PASS 2 of 3 in 1.23 s (12x real time)."),
+        ({"duration": 97.1}, True, "PASS 2 of 3 in 97.1 s (simulated in 1.23 s, 12x real time)."),
+        ({"duration": 97.1, "factor": None}, True, "PASS 2 of 3 in 97.1 s (simulated in 1.23 s)."),
         ({"skipped": 11}, True, "PASS 2 of 3, 11 not judged in 1.23 s (12x real time)."),
         ({"skipped": 1, "passed": False}, True, "FAIL: 1 of 3 requirements failed, 1 not judged, in 1.23 s"),
         ({"factor": None}, True, "PASS 2 of 3 in 1.23 s. Report:"),
@@ -259,24 +265,24 @@ def outcome(**attributes):
     ],
 )
 def test_the_verdict_of_a_run(capsys, attributes, report, line):
-    show_verdict(outcome(**attributes), report)
+    show_verdict(outcome(**attributes), report, attributes.get("duration", 0.0))
     assert capsys.readouterr().out.startswith(line)
 
 
 @every_case(
     ("option", "shown"),
     [
-        ("heart.rate=1.2", "heart.rate=1.2 (Hz)"),
+        ("heart.rate=1.2", "heart.rate=1.2 Hz (72 /min)"),
         ("heart.amplitude=12 mm", "heart.amplitude=12 mm (all 7 elements)"),
-        ("heart.amplitude=2", "heart.amplitude=2 (m, all 7 elements)"),
+        ("heart.amplitude=2", "heart.amplitude=2 m (all 7 elements)"),
         ("heart.amplitude[1]=12 mm", "heart.amplitude[1]=12 mm"),
         ("heart.rate='72 /min'", "heart.rate='72 /min'"),
-        ("variants.PI.heart.rate = 1e0", "variants.PI.heart.rate = 1e0 (Hz)"),
-        ("heart.offset[2]=0.1", "heart.offset[2]=0.1 (m)"),
+        ("variants.PI.heart.rate = 1e0", "variants.PI.heart.rate=1e0 Hz (60 /min)"),
+        ("heart.offset[2]=0.1", "heart.offset[2]=0.1 m"),
         ("heart.offset=0.1, 0.2", "heart.offset=0.1, 0.2 (m)"),
         ("heart.gain=2", "heart.gain=2"),
-        ("stop_time=5", "stop_time=5 (s)"),
-        ("heart.period=0.1", "heart.period=0.1 (s)"),
+        ("stop_time=5", "stop_time=5 s"),
+        ("heart.period=0.1", "heart.period=0.1 s"),
         ("seeds=[1, 2]", "seeds=[1, 2]"),
         ("title=Beats", "title=Beats"),
     ],
@@ -284,8 +290,15 @@ def test_the_verdict_of_a_run(capsys, attributes, report, line):
 def test_an_override_names_its_unit_and_how_many_elements_it_sets(option, shown):
     units = {"rate": "Hz", "offset": "m", "gain": "", "amplitude": "m"}
     shapes = {"offset": (2,), "amplitude": (7,)}
-    heart = {name: SimpleNamespace(unit=unit, shape=shapes.get(name, ())) for name, unit in units.items()}
-    assert run.with_unit(option, SimpleNamespace(catalogs={"PI": {"heart": heart}})) == shown
+    heart = {
+        name: MemberVariable(
+            name, "parameter", "fixed", "Float64", np.dtype(float), shapes.get(name, ()), unit, start=1.0
+        )
+        for name, unit in units.items()
+    }
+    scenario = SimpleNamespace(console_parameters={"heart.rate": ("40 /min", "120 /min")})
+    text, notes = with_unit(option, scenario, {"PI": {"heart": heart}})
+    assert (f"{text} ({', '.join(notes)})" if notes else text) == shown
 
 
 @pytest.mark.parametrize(
@@ -336,7 +349,7 @@ def test_interrupted_runs_are_recovered_first(capsys, monkeypatch):
 
     monkeypatch.setattr("twin.results.find_unfinished_runs", lambda _: ["good", "bad"])
     monkeypatch.setattr("twin.run.recover", recover)
-    run.recover_interrupted(Path("runs"))
+    recover_interrupted(Path("runs"))
     assert capsys.readouterr().err.splitlines() == [
         "note: good: recovered; recovered: it was killed",
         "note: another process recovers it",

@@ -28,6 +28,7 @@ def test_a_bar_on_a_terminal(monkeypatch):
     calls = []
     bar = SimpleNamespace(
         start=lambda: calls.append("start"),
+        tasks=[SimpleNamespace()],
         stop=lambda: calls.append("stop"),
         add_task=lambda title, total: calls.append((title, total)),
         update=lambda task, description, completed: calls.append((description, completed)),
@@ -35,8 +36,13 @@ def test_a_bar_on_a_terminal(monkeypatch):
     monkeypatch.setattr(progress, "make_bar", lambda err: bar)
     monkeypatch.setattr(sys, "stderr", Terminal())
     with progress.ProgressBar("title") as shown:
+        assert calls == [("title", 1.0)]  # a refused value leaves no bar
         shown.show("text", 0.25)
-    assert calls == ["start", ("title", 1.0), ("text", 0.25), "stop"]
+    assert calls == [("title", 1.0), "start", ("text", 0.25), "stop"]
+    with progress.ProgressBar("title") as shown:
+        shown.show("writing the report", 1.0)
+    assert bar.tasks[0].total is None  # it pulses without a percentage
+    calls = calls[:4]
     with progress.ProgressBar("title", enabled=False) as shown:
         shown.show("text", 0.25)
     monkeypatch.setattr(sys, "stderr", SimpleNamespace(isatty=lambda: False))

@@ -50,7 +50,7 @@ def variable(**attributes):
 @every_case(
     ("attributes", "name", "start", "bounds"),
     [
-        ({}, "x", "m", ""),
+        ({}, "x", "[m]", ""),
         ({"display_unit": "mm", "start": 0.002, "minimum": 0.0}, "x", "2 mm", "at least 0 mm"),
         ({"start": np.zeros((2, 3)), "shape": (2, 3), "maximum": 1.5}, "x[2,3]", "0 m", "at most 1.5 m"),
         (
@@ -127,12 +127,15 @@ def test_a_component_in_words(capsys):
         ["output", "start", "description"],
         ["y", "0 N", "force"],
         ["parameter", "start", "description"],
-        ["k", "2 N/m", "stiffness (from: measured)"],
+        ["k", "2 N/m", "stiffness"],
+        ["Sources of the values, states and local variables: --all"],
     ]
     assert rows(capsys.readouterr().out) == shown
     describe.show_component(Valve, everything=True, text="")
-    assert rows(capsys.readouterr().out)[-1] == ["z", "0 m", "memory"]
+    every = rows(capsys.readouterr().out)
+    assert every[-1] == ["z", "0 m", "memory"]
+    assert ["k", "2 N/m", "stiffness (from: measured)"] in every
     describe.show_component(Valve, everything=False, text="k")
-    assert rows(capsys.readouterr().out) == shown[:2] + shown[-2:]
+    assert rows(capsys.readouterr().out) == shown[:2] + shown[-3:]
     assert describe.kind(Valve) == "component of the communication step"
     assert describe.kind(type("Slow", (Valve,), {"__doc__": "x", "period": 5e-3})) == "sampled component, 5 ms"

@@ -6,6 +6,7 @@ import io
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -164,12 +165,74 @@ def test_implausible_values_are_named_before_the_run(beats):
     done = invoke(
         "run", "beats.yaml", "--backend", "interpreted", "--no-report", "--set", rate, "--set", "heart.offset=3"
     )
-    line = f"warning: {rate} is outside of the range that the scenario states, 40 /min to 120 /min."
+    line = f"warning: {rate} is 6000 /min, outside of 40 /min to 120 /min."
     assert done.output.count(line) == 2
     assert done.output.splitlines()[-2] == line  # again above the verdict
     assert "PASS 1 of 1, 1 warning in " in done.output.splitlines()[-1]
     assert "PASS 1 of 1, 1 warning; set heart.rate" in invoke("list", "runs").output
-    assert "note: heart.offset=3 is 3 m. Write heart.offset='3 mm' if you mean mm." in done.output
+    assert "note: heart.offset=3 means 3 m = 3000 mm. Write '3 mm' if you mean mm." in done.output
+    done = invoke("run", "beats.yaml", "--backend", "interpreted", "--no-report", "--set", "heart.rate=72")
+    text = "heart.rate=72 means 72 Hz = 4320 /min, outside of 40 /min to 120 /min. Write '72 /min' if you mean /min."
+    assert f"warning: {text}" in done.output.splitlines()
+    assert "set: heart.rate=72 Hz (4320 /min)" in done.output.splitlines()
+    assert "set heart.rate=72 Hz" in invoke("list", "runs").output  # with its unit
+    shown = invoke("describe", "beats.yaml", "--filter", "heart.rate").output  # as without --filter
+    assert re.search(r"heart\.rate\s+60 /min\s+40 to 120 /min", shown)
+    assert "Hz" not in shown
+
+
+def test_two_variants_are_compared(beats):
+    """Of one run, or of runs of two scenarios, which name their variants if they have nothing in common."""
+    beats()
+    text = (
+        SCENARIO.replace("LIMIT", "1 mm") + "variants: {slow: {}, fast: {members: {heart: {parameters: {rate: 2 Hz}}}}}"
+    )
+    Path("mine.yaml").write_text(text)
+    invoke("run", "mine.yaml", "--backend", "interpreted", "--no-report")
+    done = invoke("compare", "mine/latest", "beats/latest")
+    assert done.output.splitlines()[-3:] == [
+        "variants of the first: slow, fast",
+        "variants of the second: base",
+        'Compare two of them: --variant "slow=base"',
+    ]
+    done = invoke("compare", "mine/latest", "beats/latest", "--variant", "slow=base")
+    assert (done.exit_code, done.output.splitlines()[2][:16]) == (0, "The runs agree: ")
+    done = invoke("compare", "mine/latest", "--variant", "slow=fast")
+    assert done.exit_code == 1
+    assert re.search(r"^ metric +slow +fast +change$", done.output, re.MULTILINE)
+    assert "Name a second RUN" in invoke("compare", "mine/latest").output
+    missing = invoke("compare", "mine/latest", "beats/latest", "--variant", "slow=fast").exception
+    assert str(missing) == "'slow=fast': the second run has no variant 'fast'. Known: base."
+
+
+@pytest.mark.slow
+def test_the_proposed_change_meets_all_requirements(beats):
+    """`twin describe` proposes a command; its value is the middle between the scenario's own and the upper end of its range."""
+    line = next(line for line in invoke("describe", "heart_wall_force").output.splitlines() if "Change it: " in line)
+    words = shlex.split(line.removeprefix("Change it: twin "))
+    assert invoke(*words, "--backend", "compiled", "--seed", "1", "--no-report").exit_code == 0
+
+
+@pytest.mark.slow
+def test_a_study_that_has_run_is_listed_and_described(beats):
+    """With its least pass rate; a repeated case shows the study's values; a mistake in `set` has its line; a name is suggested."""
+    beats()
+    text = "scenario: beats.yaml\nsamples: {count: 2, method: random}\nvary: {heart.rate: {uniform: [60 /min, 90 /min], source: assumed}}\n"
+    Path("few_patients.yaml").write_text(text)
+    assert invoke("study", "few_patients.yaml", "--workers", "1").exit_code == 0
+    (folder,) = Path("runs/few_patients").glob("2*")
+    assert re.search(rf"{folder.name}  STUDY of 2 cases; all pass", invoke("list", "runs").output)
+    assert invoke("describe", f"few_patients/{folder.name}").output.startswith(f"{folder}: STUDY of 2 cases")
+    lines = invoke("run", "--case", "few_patients:1", "--no-report", "--backend", "interpreted").output.splitlines()
+    (factor,) = [line.removeprefix("set: heart.rate = ") for line in lines if line.startswith("set: ")]
+    assert re.fullmatch(r"[\d.]{1,6} /min", factor)
+    assert f"set heart.rate={factor}" in invoke("list", "runs").output
+    assert str(invoke("run", "few_patients").exception) == "few_patients.yaml is a study: twin study few_patients.yaml"
+    assert "Did you mean 'few_patients.yaml'?" in str(invoke("study", "few_patient").exception)
+    Path("few_patients.yaml").write_text(f"{text}set: {{heart.rat: 1}}\n")
+    assert invoke("check", "few_patients.yaml").output.startswith(
+        "few_patients.yaml:4: set: heart has no variable `rat`."
+    )
 
 
 def test_implausible_values_of_a_file_over_its_base_are_named(beats):
@@ -181,13 +244,14 @@ def test_implausible_values_of_a_file_over_its_base_are_named(beats):
     text = "extends: beats\nmembers: {heart: {parameters: {rate: 9 Hz, blend_in: 500 s}}, hert: {component: heart}}\n"
     Path("mine.yaml").write_text(text)
     lines = [
-        "warning: mine.yaml:2: heart.rate=9 Hz is outside of the range that the scenario states, 40 /min to 120 /min.",
+        "warning: mine.yaml:2: heart.rate=9 Hz is 540 /min, outside of 40 /min to 120 /min.",
         "warning: mine.yaml:2: heart.blend_in=500 s is implausible, 500 times the scenario's 1 s.",
         "note: mine.yaml:2: member `hert` is connected to nothing. Did you mean `heart`?",
     ]
     for command in (("check", "mine.yaml"), ("run", "mine.yaml", "--backend", "interpreted", "--no-report")):
         shown = invoke(*command).output.splitlines()
         assert [line for line in lines if line not in shown] == []
+    assert "mine.yaml: ok, 2 warnings (1 variant" in invoke("check", "mine.yaml").output
     assert invoke("check", "beats.yaml").output.startswith("beats.yaml: ok")
 
 

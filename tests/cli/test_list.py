@@ -87,7 +87,9 @@ def test_components_are_listed_by_folder_own_ones_last(run, tmp_path):
 def test_a_kind_and_a_text(run):
     code, lines = run("list", "components", "--filter", "servo")
     assert (code, lines[0]) == (0, "components: 1")
-    assert run("list", "component")[0] == "There is no list of 'component'. Did you mean 'components'?"
+    assert run("list", "component", "--filter", "servo") == (code, lines)
+    assert run("list", "componentes")[0] == "There is no list of 'componentes'. Did you mean 'components'?"
+    assert run("list", "force")[0].endswith("Entries that contain it: twin list --filter force.")
 
 
 def store_run(folder, verdicts=(), **summary):
@@ -192,10 +194,10 @@ def test_what_is_often_changed_in_a_scenario(run, tmp_path):
     assert [cell.strip() for cell in row.split("  ") if cell.strip()] == [
         "heart.rate",
         "60 /min",
-        "40 /min to 120 /min",
+        "40 to 120 /min",
         "heart rate; a change keeps the phase",
     ]
-    assert lines[-3:-1] == ["Run it: twin run beat.yaml", 'Change it: twin run beat.yaml --set heart.rate="120 /min"']
+    assert lines[-3:-1] == ["Run it: twin run beat.yaml", 'Change it: twin run beat.yaml --set heart.rate="90 /min"']
 
 
 def test_a_run_is_listed_with_what_differs_from_its_scenario(run, tmp_path):
@@ -231,10 +233,13 @@ def test_a_component(run):
     row = next(line for line in lines if line.startswith(" stroke "))
     assert row.split(maxsplit=1)[1].split("  ")[0] == "80 mm"
     assert "at least 0 mm" in row
-    assert "(from: type code -080-)" in row
+    assert "from:" not in row
     assert any(line.startswith(" carriage ") and "position, velocity, force" in line for line in lines)
     assert not any(line.startswith(" local ") for line in lines)
-    assert any(line.startswith(" local ") for line in run("describe", "servomotor", "--all")[1])
+    assert lines[-1] == "Sources of the values, states and local variables: --all"
+    every = run("describe", "servomotor", "--all")[1]
+    assert any(line.startswith(" local ") for line in every)
+    assert any(line.startswith(" stroke ") and "(from: type code -080-)" in line for line in every)
 
 
 @pytest.mark.parametrize(

@@ -32,6 +32,7 @@ from twin.results.summary_comparison import (
     is_convertible,
     list_missing,
     metric_changes,
+    select_variants,
     verdict_changes,
 )
 
@@ -82,7 +83,7 @@ def test_a_difference_begins_where_it_exceeds_the_tolerance() -> None:
     ("units", "second", "value", "text"),
     [
         (("N", "mN"), [1000.0, 2000.0, 3000.0, 4000.0], 0.0, "0 N"),
-        (("mN", "N"), [1.0, 2.0, 3.0, 4.0], 3.996, "3996 mN"),
+        (("mN", "N"), [1.0, 2.0, 3.0, 4.0], 3.996, "3.996 N"),
         (("K", "degC"), [-272.15, -271.15, -270.15, -269.15], 0.0, "0 K"),
         (("degC", "degC"), [1.0, 2.0, 3.0, 6.0], 2.0, "2 degC"),
         (("N", "m"), [1.0, 2.0, 3.0, 4.0], INF, "no number in one"),
@@ -250,18 +251,19 @@ def summary(status: str = "completed", **changes: Any) -> dict[str, Any]:
 def test_what_differs_in_two_summaries(changes: dict[str, Any], problems: list[str]) -> None:
     """Within one percent; with chosen signals the cases alone."""
     second = summary(**changes)
-    different, missing = compare_summaries(summary(), second, 0.01, metrics=True, variants=())
+    different, missing = compare_summaries(summary(), second, 0.01, metrics=True, with_verdicts=True)
     assert [*different, *(entry.text(5) for entry in missing)] == problems
-    different, missing = compare_summaries(summary(), second, 0.01, metrics=False, variants=())
+    different, missing = compare_summaries(summary(), second, 0.01, metrics=False, with_verdicts=True)
     assert (different, [entry.text(5) for entry in missing]) == (
         [],
         [text for text in problems if text.split()[1].startswith("case")],
     )
-    different, missing = compare_summaries(summary(), second, 0.01, metrics=True, variants=("PI",))
+    different, missing = compare_summaries(summary(), second, 0.01, metrics=True, with_verdicts=False)
     whole = ("status", "requirement", "1 requirement")
     own = [problem for problem in problems if not problem.startswith(whole)]
     assert [*different, *(entry.text(5) for entry in missing)] == own
-    assert compare_summaries(summary(), second, 0.01, metrics=False, variants=("BW",)) == ([], [])
+    selected = [select_variants(each, {"BW": ("BW", "BW")}, 0) for each in (summary(), second)]
+    assert compare_summaries(*selected, 0.01, metrics=False, with_verdicts=False) == ([], [])
 
 
 def test_values_of_metrics_have_one_unit_and_differ_in_their_digits() -> None:
@@ -269,7 +271,7 @@ def test_values_of_metrics_have_one_unit_and_differ_in_their_digits() -> None:
     small, other = summary(values={"1": 2.0, "2": 3.00001}), summary()
     for one in (small, other):
         one["metrics"]["other"] = {**one["metrics"]["m"], "unit": "mN", "variants": {}}
-    (line,), _ = compare_summaries(other, small, 1e-9, metrics=True, variants=())
+    (line,), _ = compare_summaries(other, small, 1e-9, metrics=True, with_verdicts=True)
     assert line == "metric m of PI, seed 2: 3000 mN and 3000.01 mN."
 
 
@@ -309,7 +311,11 @@ def test_metrics_of_both_runs_are_a_table() -> None:
     assert list(table) == ["metric", "variant", "unit", "first", "second", "change", "relative change"]
     assert table.iloc[2].tolist() == ["force", "FF", "mN", -50.0, -100.0, -50.0, -1.0]
     assert table["relative change"].iloc[3:].tolist() == [pytest.approx(0.1), 0.0]
-    assert {each.variant for each in metric_changes(first, second, ["FF"])} == {"FF"}
+    pairs = {"FF=PI": ("FF", "PI")}
+    chosen = [select_variants({**each, "cases": []}, pairs, at) for at, each in enumerate((first, second))]
+    assert [(each.metric, each.variant, each.first, each.second) for each in metric_changes(*chosen)] == [
+        ("force", "FF=PI", -50.0, 110.0)
+    ]
     assert MetricChange("m", "PI", "", 0.0, -2.0).relative == -INF
     html = Comparison((), ("a",), (), 0.0, (), changes)._repr_html_()
     assert html.startswith("<p>The runs differ: no signal in common")
@@ -358,7 +364,7 @@ def test_metrics_that_differ_are_sorted_by_relative_difference() -> None:
         {**summary(), "metrics": {name: summary(values={"1": value})["metrics"]["m"] for name, value in own.items()}}
         for own in ({"a": 1.0, "b": 1.0, "c": 1.0}, {"a": 1.1, "b": 3.0, "c": 1.2})
     )
-    lines, _ = compare_summaries(first, second, 0.0, metrics=True, variants=())
+    lines, _ = compare_summaries(first, second, 0.0, metrics=True, with_verdicts=True)
     assert [line.split()[1] for line in lines] == ["b", "c", "a"]
 
 

@@ -130,6 +130,11 @@ def test_a_shipped_scenario_is_extended_by_its_name(tmp_path):
     scenario = load_scenario(file)
     assert [case.variant for case in scenario.variants][-1] == "mine"
     assert scenario.paper_applies
+    file.write_text("extends: heart_wall_force.yaml\n")  # as in the reference page
+    assert len(load_scenario(file).variants) == 5
+    file.write_text("extends: mane.yaml\n")
+    with pytest.raises(ScenarioError, match=r"no file mane\.yaml\. Give the name of a shipped scenario, or a path"):
+        load_scenario(file)  # not itself, mine.yaml
     file.write_text("extends: heart_wall_forc\n")
     with pytest.raises(
         ScenarioError, match=r"mine\.yaml:1: extends: there is no scenario or file heart_wall_forc\. Did"

@@ -48,8 +48,8 @@ METRIC = BASE[BASE.index("{signal: sensor.force - 0.2") : BASE.index("\nexpect:"
             "s.yaml:1: extends: there is no file none/heart.yaml. Give the name of a shipped",
         ),
         (
-            "extends: heart_wall_force.yaml\n",
-            "s.yaml:1: extends: there is no file heart_wall_force.yaml. Write `extends: h",
+            "extends: none/heart_wall_force.yaml\n",
+            "s.yaml:1: extends: there is no file none/heart_wall_force.yaml. Write `extends: h",
         ),
         ("scenario: a\nvary: {}\n", "s.yaml:2: this file is no scenario but a study. Run it with `twin study`."),
         ("extends: [a]\n", "s.yaml:1: extends: expected the path of one scenario"),
@@ -232,6 +232,7 @@ def test_no_mistake_hides_another(tmp_path: Path) -> None:
         "7: connections[1]: `heart.position",
         "8: 'heart.nowhere': heart has no variable 'nowhere'. Known: ",
         "8: 'sheath.neither': sheath has no variable 'neither'. Known: ",
+        "9: 'sheath.wrong': sheath has no variable 'wrong'.",  # its other end is of `lost`
         "11: event at 2 s is outside the run",
         "11: sheath has no variable `absent`.",
         "14: plot `late`: from 5 s lies outside the run",
@@ -239,6 +240,23 @@ def test_no_mistake_hides_another(tmp_path: Path) -> None:
     ]
     assert [text for text in beginnings if not any(line.startswith(text) for line in found)] == []
     assert len(found) == len(beginnings), found  # and nothing is told of what only `lost` could tell
+
+
+@pytest.mark.slow
+def test_an_invalid_member_has_no_follow_up_errors(tmp_path: Path) -> None:
+    """Of an analysis that reads it; the other end of its connections is checked; a misspelled member is suggested."""
+    path = tmp_path / "mine.yaml"
+    path.write_text(
+        "extends: heart_wall_force\nmembers: {wall: {component: wal}}\nconnections: [heart.positon -> wall.heart_position]\n"
+        "variants: {PI: {members: {sheeth: {parameters: {friction: 1}}}}}\n"
+    )
+    beginnings = (
+        "2: member `wall`: There is no component 'wal' in ",
+        "3: 'heart.positon': heart has no variable 'positon'. Did you mean 'position'?",
+        "4: member `sheeth` has no component. Did you mean `sheath`?",
+    )
+    for beginning, line in zip(beginnings, lint(path)[1], strict=True):
+        assert line.startswith(f"{path}:{beginning}"), line
 
 
 def test_without_imports_no_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

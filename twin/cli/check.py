@@ -72,7 +72,9 @@ def command(
         if stability and not problems:
             problems = check_stability(file, overrides)
         if not problems:
-            say(f"{file}: ok ({extent}{'; Python code was not checked' * no_import})")
+            warnings = sum(remark.startswith(LABELS[1]) for remark in remarks)
+            word = f"ok, {with_plural(warnings, 'warning')}" if warnings else "ok"
+            say(f"{file}: {word} ({extent}{'; Python code was not checked' * no_import})")
         count += len(problems)
     if count:
         say(f"{with_plural(count, 'problem')}", err=True)

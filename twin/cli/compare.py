@@ -10,8 +10,12 @@ import click
 
 from twin.cli.options import signal_option
 from twin.cli.terminal import say, show_table, show_text
+from twin.errors import quote_names
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from typing import Any
+
     from twin.results import Comparison, MetricChange
 
 MAX_LISTED = 20  # metrics, and other differences, without --all
@@ -23,7 +27,7 @@ MAX_CASES = 2  # of the cases of one run only, the same
 
 @click.command(name="compare")
 @click.argument("first", type=click.Path(path_type=Path), metavar="RUN")
-@click.argument("second", type=click.Path(path_type=Path), metavar="RUN")
+@click.argument("second", type=click.Path(path_type=Path), metavar="[RUN]", required=False)
 @click.option(
     "--tolerance",
     type=click.FloatRange(0.0),
@@ -33,17 +37,23 @@ MAX_CASES = 2  # of the cases of one run only, the same
     help="Allowed difference of a signal, relative to its largest magnitude; 0: none.",
 )
 @signal_option
-@click.option("--variant", "variants", multiple=True, metavar="NAME", help="Compare only this variant. Repeatable.")
+@click.option(
+    "--variant",
+    "variants",
+    multiple=True,
+    metavar="NAME",
+    help="Compare only this variant; 'A=B': variant A of the first run with B of the second. Repeatable.",
+)
 @click.option("--all", "everything", is_flag=True, help="List all differences, not only the largest.")
 def command(
     first: Path,
-    second: Path,
+    second: Path | None,
     tolerance: float,
     patterns: tuple[str, ...],
     variants: tuple[str, ...],
     everything: bool,
 ) -> None:
-    """Compare two runs: signals sample by sample, metrics, verdicts.
+    """Compare two runs, or two variants of one or two runs: signals sample by sample, metrics, verdicts.
 
     Exit code 0 if nothing differs by more than the tolerance, else 1, so that a CI job can compare with a reference run.
 
@@ -56,25 +66,33 @@ def command(
     \b
     twin compare runs/mine/2026-11-22_08-14-00 runs/mine/latest
     twin compare before runs/mine/latest --tolerance 1e-6 --signal "sensor.*"
+    twin compare latest --variant "PI=PI+FF"
+    twin compare latest OTHER --variant "soft wall=PI+FF"
     """
     from twin.cli.list import outcome
     from twin.face import open_run
     from twin.results import compare_runs
 
-    runs = open_run(first), open_run(second)
+    pairs = [variant for variant in variants if "=" in variant]
+    if second is None and not pairs:
+        raise click.UsageError('Name a second RUN, or two variants of this one, such as --variant "PI=PI+FF".')
+    runs = open_run(first), open_run(second or first)
     folders, summaries = (runs[0].folder, runs[1].folder), (runs[0].summary, runs[1].summary)
     comparison = compare_runs(folders, summaries, tolerance, patterns, variants)
-    for word, folder, summary in zip(("first", "second"), folders, summaries, strict=True):
+    words = ("run",) if second is None else ("first", "second")
+    for word, folder, summary in zip(words, folders, summaries, strict=False):
         show_text(f"{with_time(folder, str(summary['started']))}; {outcome(folder)}", f"{word}: ")
     names = [summary["scenario"]["name"] for summary in summaries]
-    if names[0] != names[1]:
+    if names[0] != names[1] and not pairs:
         counts, is_related = common_names(comparison)
+        advice = "" if is_related or everything else " (--all compares them)"
         show_text(
-            f"The runs are of two scenarios, {' and '.join(names)}: {counts} have the same name and case{'' if is_related or everything else ' (--all compares them)'}."
+            f"The runs are of two scenarios, {' and '.join(names)}: {counts} have the same name and case{advice}."
         )
         if not is_related and not everything:
+            show_variants(summaries)
             sys.exit(1)
-    if folders[0].resolve() == folders[1].resolve():
+    if not pairs and folders[0].resolve() == folders[1].resolve():
         show_text("Both are the same run.", "note: ")
     cases = [entry for entry in comparison.missing if entry.kind == "case"]
     for entry in cases:
@@ -96,6 +114,17 @@ def command(
     show_signals(comparison, everything)
     if not comparison.agrees:
         sys.exit(1)
+
+
+def show_variants(summaries: Sequence[Mapping[str, Any]]) -> None:
+    """Print the variants of two runs that have little in common, and how to compare two of them."""
+    own = [list(dict.fromkeys(case["variant"] for case in summary["cases"])) for summary in summaries]
+    if not all(own):
+        return
+    for word, names in zip(("first", "second"), own, strict=True):
+        show_text(", ".join(quote_names(names)), f"variants of the {word}: ")
+    chosen = [next((name for name in names if name not in others), names[0]) for names, others in (own, own[::-1])]
+    show_text(f'Compare two of them: --variant "{"=".join(chosen)}"')
 
 
 def with_time(folder: Path, started: str) -> str:
@@ -139,7 +168,7 @@ def show_verdicts(comparison: Comparison, everything: bool, *, has_all_cases: bo
 
 def show_metrics(comparison: Comparison, everything: bool) -> None:
     """Print the metrics that differ beyond the tolerance, in the units of the report."""
-    from twin.results import common_format, display_units, si_conversion
+    from twin.results import common_format, display_units, larger_unit, si_conversion
 
     units = display_units({change.metric: change.unit for change in comparison.changes})
     formats = {}
@@ -147,7 +176,7 @@ def show_metrics(comparison: Comparison, everything: bool) -> None:
         own = [change for change in comparison.changes if change.metric == name]
         factor, offset = si_conversion(own[0].unit)
         values = [value * factor + offset for each in own for value in (each.first, each.second) if value is not None]
-        formats[name] = (common_format(values, unit), factor, offset)
+        formats[name] = (common_format(values, larger_unit(values, unit)), factor, offset)
     changes = [each for each in comparison.changes if not is_small(each, comparison.tolerance)]
     changes.sort(key=lambda each: -abs(each.relative or 0.0) if has_ratio(each) else 1.0)
     rows = []
@@ -158,7 +187,10 @@ def show_metrics(comparison: Comparison, everything: bool) -> None:
         rows.append([change.metric, change.variant, *texts, percent(change.relative) if has_ratio(change) else "-"])
     if rows:
         say("Metrics, by relative change:")
-    show_table(["metric", "variant", "first", "second", "change"], rows, 2)
+    if len(compared := {row[1] for row in rows}) == 1 and "=" in (chosen := next(iter(compared))):
+        show_table(["metric", *chosen.split("=", 1), "change"], ([row[0], *row[2:]] for row in rows), 1)
+    else:
+        show_table(["metric", "variant", "first", "second", "change"], rows, 2)
     if len(changes) > len(rows):
         smaller = "smaller" if rows else "within the spread of the seeds"
         say(f"and {len(changes) - len(rows)} more, {smaller}: use --all")

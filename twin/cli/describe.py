@@ -1,4 +1,7 @@
-"""`twin describe`: show the content of a component, a scenario or an FMU."""
+"""`twin describe`: show the content of a component, a scenario or an FMU.
+
+Over 400 lines: one table for all kinds of variables, of components, FMUs and members.
+"""
 
 from __future__ import annotations
 
@@ -36,14 +39,14 @@ USES = {"profiles": " Use it in a hardware file, `profile: {name}`, or simulate 
     "--all",
     "everything",
     is_flag=True,
-    help="Also show states and local variables, whole vectors; of a scenario parameters and connections.",
+    help="Also show sources of values, states and local variables, whole vectors; of a scenario parameters and connections.",
 )
 @filter_option
 @runs_option
 def command(what: str, everything: bool, text: str, runs: Path) -> None:
     """Describe what `twin list` lists: a component, a scenario, a study, a drive profile or a run; also a file or any FMU.
 
-    Values are in the display unit; `from` names the source of a parameter's value. Of a scenario, --all and --filter show
+    Values are in the display unit; --all adds the source of a parameter's value. Of a scenario, --all and --filter show
     the parameters of its members as they will run, and the connections.
 
     \b
@@ -62,7 +65,7 @@ def show_named(what: str, everything: bool, text: str, runs: Path) -> bool:
     """Describe something by its name or file; return whether a table was printed."""
     from twin.cli.check import is_study
     from twin.cli.export import SCENARIO_FILES
-    from twin.cli.list import kinds_of_names, show_run
+    from twin.cli.list import STUDY, kinds_of_names, show_run, show_study_run
     from twin.cli.study import show_study
     from twin.component import catalog
     from twin.results import find_by_time, resolve_latest
@@ -87,6 +90,8 @@ def show_named(what: str, everything: bool, text: str, runs: Path) -> bool:
     folder = resolve_latest(path, root=runs) if path.name == "latest" else find_by_time(runs, path)
     if (folder / "summary.json").is_file():
         return show_run(folder)
+    if (folder / STUDY).is_file():
+        return show_study_run(folder)
     listings = {name: listing for name, listing in kinds_of_names(runs).items() if name not in NOT_PLAIN}
     for listed_kind, listing in listings.items():
         if what in (lines := listing()):
@@ -127,7 +132,7 @@ def show_component(cls: type[Component], everything: bool, text: str) -> bool:
                 name_with_shape(variable),
                 start(variable, everything),
                 bounds(variable),
-                f"{variable.description}{f' (from: {variable.source})' * bool(variable.source)}",
+                f"{variable.description}{f' (from: {variable.source})' * bool(variable.source and everything)}",
             )
             for variable in selected
             if variable.role == role
@@ -136,6 +141,8 @@ def show_component(cls: type[Component], everything: bool, text: str) -> bool:
     terminals = [item for item in cls.terminals.items() if text in item[0]]
     rows = [(name, "", "", f"{terminal.description}: {', '.join(terminal.members)}") for name, terminal in terminals]
     print_table("terminal", rows)
+    if not everything and any(variable.source for variable in selected):
+        say("Sources of the values, states and local variables: --all")
     return bool(selected or rows)
 
 
@@ -210,21 +217,16 @@ def show_often_changed(scenario: ScenarioSpec) -> None:
     """Print the parameters that the scenario lists first, with their ranges, and commands to copy."""
     listed = scenario.console_parameters
     settings = {name: (value, meaning) for name, value, _, meaning, _ in settings_of(scenario)} if listed else {}
-    rows = [
-        (
-            name,
-            in_unit_of(settings.get(name, ("", ""))[0], ends),
-            " to ".join(map(short, ends)),
-            settings.get(name, ("", ""))[1],
-        )
-        for name, ends in listed.items()
-    ]
+    rows = []
+    for name, ends in listed.items():
+        value, meaning = settings.get(name, ("", ""))
+        rows.append((name, value, span(ends), meaning))
     show_table(("often changed", "value", "range", "meaning"), rows, 4)
     command = f"twin run {scenario.name if has_listed_name(scenario.path) else scenario.path}"
     say(f"Run it: {command}")
-    if example := next(((name, ends[-1]) for name, ends in listed.items() if ends), None):
-        value = f'"{example[1]}"' if " " in str(example[1]) else example[1]
-        say(f"Change it: {command} --set {example[0]}={value}")
+    if rows and (value := halfway(rows[0][1], next(iter(listed.values())))):
+        quoted = f'"{value}"' if " " in value else value
+        say(f"Change it: {command} --set {rows[0][0]}={quoted}")
     say("Parameters and connections: --all or --filter NAME")
 
 
@@ -241,9 +243,20 @@ def in_unit_of(value: str, ends: tuple[Any, ...]) -> str:
         return value
 
 
-def short(limit: Any) -> str:
-    """Return a limit as written; a number without a unit in six digits."""
-    return f"{limit:.6g}" if isinstance(limit, float) else str(limit)
+def halfway(value: str, ends: tuple[Any, ...]) -> str:
+    """Return the middle between a value and the upper end of its range, in its unit, which requirements rarely exclude; "" without."""
+    try:
+        numbers = [float(str(each).partition(" ")[0]) for each in (value, *ends[-1:])]
+        return " ".join([f"{sum(numbers) / len(numbers):.3g}", *value.split(" ")[1:]]) if ends else ""
+    except ValueError:  # an array
+        return ""
+
+
+def span(ends: tuple[Any, ...]) -> str:
+    """Return a range that a scenario states, a common unit once: `40 to 120 /min`."""
+    texts = [f"{end:.6g}" if isinstance(end, float) else str(end) for end in ends]
+    unit_text = texts[-1].partition(" ")[2] if texts else ""
+    return " to ".join([*(text.removesuffix(f" {unit_text}") for text in texts[:-1]), *texts[-1:]])
 
 
 def has_listed_name(path: Path) -> bool:
@@ -273,7 +286,13 @@ def settings_of(scenario: ScenarioSpec) -> list[tuple[str, str, str, str, str]]:
         rows.setdefault((name, value), (row.description, []))[1].append(notes)
     values = [name for name, _ in rows]
     return [
-        (name, value, bounds(variables[name]), meaning, notes[0] if len(notes) == 1 or values.count(name) > 1 else "")
+        (
+            name,
+            in_unit_of(value, ends := scenario.console_parameters.get(name, ())),
+            span(ends) or bounds(variables[name]),
+            meaning,
+            notes[0] if len(notes) == 1 or values.count(name) > 1 else "",
+        )
         for (name, value), (meaning, notes) in rows.items()
     ]
 
@@ -285,7 +304,7 @@ def show_settings(scenario: ScenarioSpec, text: str) -> bool:
         for name, *texts, meaning, note in settings_of(scenario)
         if text.lower() in name.lower()
     ]
-    shown = show_table(("parameter", "value", "bounds", "meaning"), own, 4)
+    shown = show_table(("parameter", "value", "range", "meaning"), own, 4)
     connections: dict[tuple[str, str], list[str]] = {}
     for case in scenario.variants:
         for link in case.connections:
@@ -348,7 +367,7 @@ def start(variable: Variable | MemberVariable, everything: bool = False) -> str:
 
     values = [] if variable.start is None else list(np.ravel(variable.start))
     if not values:
-        return unit(variable)
+        return f"[{unit(variable)}]" if unit(variable) not in ("", "1") else ""
     texts = [value_text(value, variable) for value in values]
     if len(set(texts)) == 1:
         return texts[0]

@@ -11,11 +11,12 @@ import click
 from twin import installed
 from twin.cli.options import filter_option, runs_option
 from twin.cli.terminal import open_console, show_table, show_text
-from twin.errors import ScenarioError, TwinError, nearest, quote_names
+from twin.errors import ScenarioError, TwinError, find_similar, nearest, quote_names
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
+STUDY = "manifest.json"  # of a study that has run
 MAX_OVERRIDES = 4  # of a run
 VERDICTS = {"info": "-", "cut": "run too short", "none": "no value", "other": "other settings"}  # of a metric
 MAX_METRICS = 20  # of the description of a run
@@ -39,9 +40,14 @@ def command(kinds: tuple[str, ...], text: str, runs: Path) -> None:
     if runs != Path("runs") and not runs.is_dir():
         raise TwinError(f"--runs {runs}: there is no such folder. Leave it out, or name a folder of results.")
     listings = kinds_of_names(runs)
+    singular = {"study": "studies"} | {kind.removesuffix("s"): kind for kind in listings if kind != "studies"}
+    kinds = tuple(singular.get(kind, kind) for kind in kinds)
     for kind in kinds:
         if kind not in listings:
-            raise TwinError(f"There is no list of {kind!r}. {nearest(kind, listings)}")
+            advice = (
+                f"Entries that contain it: twin list --filter {kind}." if not find_similar(kind, [*listings]) else ""
+            )
+            raise TwinError(f"There is no list of {kind!r}. {nearest(kind, listings)} {advice}".rstrip())
     count = 0
     for kind in kinds or listings:
         listing = listings[kind]()
@@ -148,10 +154,47 @@ def by_topic(names: Iterable[str]) -> dict[str, list[str]]:
 
 
 def runs_by_folder(folder: Path) -> Listing:
-    """Return finished runs, the latest first, with their outcome."""
-    from twin.results import finished_runs
+    """Return finished runs and studies, the latest first, with their outcome."""
+    from twin.results import finished_runs, run_order
 
-    return {path.as_posix(): outcome(path) for path in finished_runs(folder)}
+    results = dict.fromkeys(finished_runs(folder), outcome)
+    results |= dict.fromkeys(finished_runs(folder, STUDY), study_outcome)
+    return {path.as_posix(): results[path](path) for path in sorted(results, key=run_order, reverse=True)}
+
+
+def study_outcome(folder: Path) -> str:
+    """Return the extent of a study that has run, and the requirement that the fewest of its cases meet."""
+    try:
+        study, answers = study_results(folder)
+        texts = [f"STUDY of {study['cases']} cases", "" if study["status"] == "completed" else study["status"]]
+        texts.append(f"{study['failed']} did not finish" if study["failed"] else "")
+        if rates := [(rate["part"], rate["name"], rate["variant"]) for rate in answers.get("expectations", ())]:
+            part, name, variant = min(rates)
+            texts.append("all pass" if part == 1.0 else f"{100.0 * part:.3g} % pass '{name}' ({variant}), the least")
+        return "; ".join(filter(None, texts))
+    except (OSError, ValueError, KeyError, TypeError):
+        return f"its {STUDY} cannot be read"
+
+
+def study_results(folder: Path) -> list[dict[str, Any]]:
+    """Return the manifest of a study that has run, and its answers, which it has unless it was interrupted or has no report."""
+    files = (folder / STUDY, folder / "answers.json")
+    return [json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {} for file in files]
+
+
+def show_study_run(folder: Path) -> bool:
+    """Print what a study has found, and what to do with it; return True."""
+    study, answers = study_results(folder)
+    show_text(f"{folder}: {study_outcome(folder)}")
+    show_text(study.get("title", ""))
+    sentences = answers.get("sentences", ())
+    for sentence in sentences:
+        show_text(sentence["text"])
+    report = folder / "report.html"
+    case = next((sentence["case"] for sentence in sentences if sentence["case"]), 1)
+    show_text(f"Repeat a case: twin run --case {folder}:{case}")
+    show_text(f"Cases: {folder / 'cases.parquet'}{f'  Report: {report}' if answers else ''}")
+    return True
 
 
 def by_scenario(names: Iterable[str]) -> dict[str, list[str]]:
@@ -217,7 +260,10 @@ def settings(summary: dict[str, Any], scenario: Path) -> list[str]:
     """Return the overrides of a run, its variants if not all of the scenario ran, and its seeds if not those of the scenario."""
     from twin.scenario import read
 
+    study = summary.get("study")
     overrides = summary.get("overrides", [])
+    if study:
+        overrides = [*(f"{name}={value}" for name, value in study["factors"].items()), *study["overrides"]]
     more = [f"and {len(overrides) - MAX_OVERRIDES} more"] * (len(overrides) > MAX_OVERRIDES)
     texts = [", ".join(["set " + overrides[0], *overrides[1:MAX_OVERRIDES], *more])] if overrides else []
     try:

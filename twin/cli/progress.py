@@ -11,12 +11,11 @@ from twin.cli.terminal import make_bar
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-UNFINISHED = 0.9999  # largest fraction of a bar: the clock of a finished one stops, though more follows
 BAR_DELAY = 1.0  # a `DelayedBar` appears after this time [s]
 
 
 class ProgressBar:
-    """A bar on stderr where that is a terminal; nothing elsewhere."""
+    """A bar on stderr where that is a terminal; nothing elsewhere. It appears with the first progress: not before an error."""
 
     def __init__(self, title: str, *, enabled: bool = True) -> None:
         self.title, self.enabled = title, enabled
@@ -25,14 +24,15 @@ class ProgressBar:
     def __enter__(self) -> Self:
         if self.enabled and sys.stderr.isatty():
             self.bar = make_bar(err=True)
-            self.bar.start()
             self.task = self.bar.add_task(self.title, total=1.0)
         return self
 
     def show(self, text: str, fraction: float) -> None:
-        """Update the bar."""
+        """Update the bar; after the last case, as while a report is written, it pulses without a percentage."""
         if self.bar is not None:
-            self.bar.update(self.task, description=text, completed=min(fraction, UNFINISHED))
+            self.bar.start()
+            self.bar.tasks[0].total = 1.0 if fraction < 1.0 else None
+            self.bar.update(self.task, description=text, completed=fraction)
 
     def __exit__(self, *_: object) -> None:
         if self.bar is not None:

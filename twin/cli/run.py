@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
-import re
 import sys
+import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,9 +37,8 @@ if TYPE_CHECKING:
     from twin.run import Hardware, RunResult
     from twin.scenario import ScenarioSpec
 
-NUMBERS = re.compile(r"[\s\[\]\d.,eE+-]+")  # the value of `--set` is one number or several, without a unit
 NOTE, WARNING = LABELS
-TIMES = ("start_time", "stop_time", "step", "period", "communication_step")
+LONGER, WAIT = 1.2, 5.0  # factor and time [s] by which a command takes notably longer than the simulation
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -186,9 +184,11 @@ def command(
     hardware = HardwareOptions(hardware_file=hardware_file, trace=trace, replay=replay, arm=arm, dry_run=dry_run)
     arguments = RunArguments(**options)
     arguments.check(hardware)
+    begin = time.monotonic()
     link = supervise(arguments.timeout)  # moves to a process of its own before large packages are imported
     outcome = execute(arguments, hardware, link)
-    report_outcome(outcome, arguments.as_json, not arguments.no_report, arguments.verbose)
+    took = time.monotonic() - begin
+    report_outcome(outcome, arguments.as_json, not arguments.no_report, arguments.verbose, took)
 
 
 def execute(options: RunArguments, hardware: HardwareOptions, link: SupervisorChannel) -> RunResult:
@@ -258,12 +258,14 @@ def read(file: Path, overrides: tuple[str, ...], build: Path) -> ScenarioSpec:
         return load_scenario(file, overrides)
 
 
-def report_outcome(outcome: RunResult, as_json: bool, report: bool, verbose: bool = False) -> None:
-    """Print the results and exit with the code of the outcome."""
+def report_outcome(
+    outcome: RunResult, as_json: bool, report: bool, verbose: bool = False, duration: float = 0.0
+) -> None:
+    """Print the results and exit with the code of the outcome. `duration`: of the command, with checks, building and report [s]."""
     if as_json:
         click.echo((outcome.folder / "summary.json").read_text(), nl=False)
     else:
-        show(outcome, report, verbose)
+        show(outcome, report, verbose, duration)
     if outcome.run.status == "interrupted":
         sys.exit(130)
     if not outcome.passed:
@@ -311,7 +313,7 @@ class RunProgress(ProgressBar):
             show_error(line.removeprefix(label), label)
 
 
-def show(outcome: RunResult, report: bool, verbose: bool = False) -> None:
+def show(outcome: RunResult, report: bool, verbose: bool = False, duration: float = 0.0) -> None:
     """Print the metrics, the expectations, notes, and the verdict with the path of the results."""
     from twin.results import group_lines
     from twin.run import results_table
@@ -320,8 +322,8 @@ def show(outcome: RunResult, report: bool, verbose: bool = False) -> None:
     console.print(outcome.scenario.title, style="bold")
     if sentence := outcome.summary.get("sentence"):
         show_text(sentence)
-    if outcome.scenario.overrides:
-        show_text(", ".join(with_unit(option, outcome) for option in outcome.scenario.overrides), "set: ")
+    if settings := describe_settings(outcome):
+        show_text(", ".join(settings), "set: ")
     console.print(results_table(outcome.evaluation, verbose))
     for note in group_lines(outcome.run.extra.get("notes", []), outcome.tables):
         show_text(note.replace(WARNING, "", 1), WARNING if WARNING in note else NOTE)
@@ -336,7 +338,7 @@ def show(outcome: RunResult, report: bool, verbose: bool = False) -> None:
     if outcome.run.status != "completed":
         for line in group_lines(outcome.run.reason.splitlines(), outcome.tables):
             show_error(describe_ending(outcome.run.status, line), "")
-    show_verdict(outcome, report)
+    show_verdict(outcome, report, duration)
 
 
 def describe_ending(status: str, reason: str) -> str:
@@ -344,22 +346,18 @@ def describe_ending(status: str, reason: str) -> str:
     return reason if reason.startswith(status) else f"{status}: {reason}"
 
 
-def with_unit(option: str, outcome: RunResult) -> str:
-    """Return a `--set` option with the unit of a bare number, and how many elements it sets: `heart.rate=1.2 (Hz)`."""
-    path, _, text = option.partition("=")
-    unit = "s" if path.strip().rpartition(".")[2] in TIMES else ""
-    elements = 1
-    for variant, catalog in outcome.catalogs.items():
-        member, _, name = path.strip().removeprefix(f"variants.{variant}.").partition(".")
-        name, bracket, _ = name.removeprefix("parameters.").partition("[")
-        if (variable := catalog.get(member, {}).get(name)) is not None:
-            unit = variable.unit
-            elements = 1 if bracket or "," in text else math.prod(variable.shape)
-    notes = [unit] * bool(unit and NUMBERS.fullmatch(text)) + [f"all {elements} elements"] * (elements > 1)
-    return f"{option} ({', '.join(notes)})" if notes else option
+def describe_settings(outcome: RunResult) -> list[str]:
+    """Return the overrides of a run, bare numbers with their units, and the factors of a case of a study."""
+    from twin.run import with_unit
+
+    case = outcome.study_case
+    own = [option for option in outcome.scenario.overrides if case is None or option not in case.options]
+    texts = [with_unit(option, outcome.scenario, outcome.catalogs) for option in own]
+    factors = [f"{name} = {value}" for name, value in case.factors.items()] if case is not None else []
+    return [*factors, *(f"{text} ({', '.join(notes)})" if notes else text for text, notes in texts)]
 
 
-def show_verdict(outcome: RunResult, report: bool) -> None:
+def show_verdict(outcome: RunResult, report: bool, duration: float = 0.0) -> None:
     """Print the last line: the verdict, how many requirements are met, the computing time, and where to look."""
     from twin.results import describe_outcome
 
@@ -377,6 +375,9 @@ def show_verdict(outcome: RunResult, report: bool) -> None:
     folder = "latest" if outcome.folder.parent.parent == Path("runs") else str(outcome.folder)
     prefix = "DRY RUN, drives have not moved: " * bool(summary.get("hardware", {}).get("dry_run"))
     took = f"in {max(run.wall_time, 1e-3):.3g} s{speed}" if simulated else "nothing was simulated"
+    if simulated and duration > max(LONGER * run.wall_time, run.wall_time + WAIT):
+        speed = speed.strip(" ()")
+        took = f"in {duration:.3g} s ({', '.join(filter(None, (f'simulated in {run.wall_time:.3g} s', speed)))})"
     if simulated and not run.wall_time:  # of a recovered run: its processes were killed before they could tell
         took = f"after {simulated:.3g} s of simulated time"
     text, file = f"{counts}{took}.", "report.html" if report else "summary.json"

@@ -134,6 +134,7 @@ class StudyDisplay(ProgressBar):
 
     def __enter__(self) -> Self:
         super().__enter__()
+        self.show(self.title, 0.0)
         if self.bar is None:
             say(self.title, err=True)
         return self

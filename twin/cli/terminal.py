@@ -162,10 +162,10 @@ def show_table(titles: Iterable[str], rows: Iterable[Iterable[str | Text]], left
 
 def make_bar(*, err: bool = False) -> Progress:
     """Return a progress bar that vanishes at its end."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
     title = TextColumn("{task.description}", markup=False)
-    percentage = TextColumn("{task.percentage:3.0f} %", markup=False)
+    percentage = TaskProgressColumn("{task.percentage:3.0f} %", markup=False)
     return Progress(title, BarColumn(), percentage, TimeElapsedColumn(), console=open_console(err=err), transient=True)
 
 

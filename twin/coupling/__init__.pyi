@@ -1,3 +1,4 @@
+from . import terminals as terminals
 from .algorithms import Algorithm as Algorithm
 from .component_member import RecordMember as RecordMember
 from .component_member import declared_variables as declared_variables

@@ -19,6 +19,7 @@ from .evaluation.hardware_termination import HardwareTermination as HardwareTerm
 from .evaluation.metric_format import MetricFormat as MetricFormat
 from .evaluation.metric_format import common_format as common_format
 from .evaluation.metric_format import display_units as display_units
+from .evaluation.metric_format import larger_unit as larger_unit
 from .evaluation.metric_format import metric_formats as metric_formats
 from .evaluation.metrics import Evaluation as Evaluation
 from .evaluation.metrics import Expectation as Expectation
@@ -52,6 +53,7 @@ from .recording.latest_run import is_finished_run as is_finished_run
 from .recording.latest_run import link_latest as link_latest
 from .recording.latest_run import newer_note as newer_note
 from .recording.latest_run import resolve_latest as resolve_latest
+from .recording.latest_run import run_order as run_order
 from .recording.latest_run import suggest_folders as suggest_folders
 from .recording.run_folder import RecordedVariable as RecordedVariable
 from .recording.run_folder import count_verdicts as count_verdicts

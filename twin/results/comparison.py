@@ -10,7 +10,7 @@ import numpy as np
 
 from twin.errors import TwinError, nearest
 from twin.installed import import_optional
-from twin.results.evaluation.metric_format import display_units
+from twin.results.evaluation.metric_format import display_units, larger_unit
 from twin.results.recording.run_folder import RecordedVariable
 from twin.results.recording.signal_reader import list_recorded_variables, read_variables
 from twin.results.recording.signals import format_value, si_conversion
@@ -23,6 +23,7 @@ from twin.results.summary_comparison import (
     is_convertible,
     list_missing,
     metric_changes,
+    select_variants,
     verdict_changes,
 )
 
@@ -58,9 +59,9 @@ class Difference:
     @property
     def text(self) -> str:
         """Difference in the unit in which the signal is shown."""
-        return (
-            format_value(self.value, self.unit, is_difference=True) if np.isfinite(self.value) else "no number in one"
-        )
+        if not np.isfinite(self.value):
+            return "no number in one"
+        return format_value(self.value, larger_unit([self.value], self.unit), is_difference=True)
 
 
 @dataclass(frozen=True)
@@ -177,14 +178,16 @@ def compare_runs(
     patterns: Sequence[str] = (),
     variants: Sequence[str] = (),
 ) -> Comparison:
-    """Compare two runs. `patterns`: signals to compare, such as `heart.*`; `variants`: their cases; all if there are none.
+    """Compare two runs. `patterns`: signals to compare, such as `heart.*`; all if there are none.
+
+    `variants`: those to compare; `A=B` compares A of the first run with B of the second.
 
     Where times differ, both are compared at the times of the coarser recording (`common_times`). Status and expectations, which are of a
     whole run, are compared without `patterns` and `variants`. TwinError for a variant or a signal that neither run has.
     """
-    all_variants = {entry["variant"]: None for summary in summaries for entry in summary["cases"]}
-    if unknown := [name for name in variants if name not in all_variants]:
-        raise TwinError(f"{unknown[0]!r}: neither run has this variant. {nearest(unknown[0], all_variants)}")
+    pairs = variant_pairs(summaries, variants)
+    if variants:
+        summaries = select_variants(summaries[0], pairs, 0), select_variants(summaries[1], pairs, 1)
     paths = (folders[0] / "signals.parquet", folders[1] / "signals.parquet")
     all_variables = [list_recorded_variables(path) for path in paths]
     for pattern in patterns:
@@ -193,7 +196,7 @@ def compare_runs(
     first, second = (
         {name: entry for name, entry in variables.items() if is_selected(name, patterns)} for variables in all_variables
     )
-    problems, missing = compare_summaries(*summaries, tolerance, metrics=not patterns, variants=variants)
+    problems, missing = compare_summaries(*summaries, tolerance, metrics=not patterns, with_verdicts=not variants)
     notes: dict[str, dict[str, None]] = {}  # text -> its cases
     spans: dict[str, dict[str, None]] = {}
     differences: list[Difference] = []
@@ -204,8 +207,18 @@ def compare_runs(
             read_variables(path, [own[name] for name in names if name in own])
             for path, own in zip(paths, (first, second), strict=True)
         ]
+        if variants:
+            read = [
+                {
+                    (name, seed): signals
+                    for name, pair in pairs.items()
+                    for (own, seed), signals in cases.items()
+                    if own == pair[at]
+                }
+                for at, cases in enumerate(read)
+            ]
         for case in read[0]:
-            if case not in read[1] or (variants and case[0] not in variants):
+            if case not in read[1]:
                 continue
             a, b = read[0][case], read[1][case]
             where = f"{case[0]}, seed {case[1]}"
@@ -223,7 +236,7 @@ def compare_runs(
             ]
     problems += by_case(spans, len(recorded[0]))
     missing += missing_signals(*recorded)
-    changes = metric_changes(*summaries, variants)
+    changes = metric_changes(*summaries)
     verdicts = () if patterns or variants else verdict_changes(*summaries)
     metric_units = {f"metric {name}": metric["unit"] for name, metric in summaries[0]["metrics"].items()}
     units = display_units(metric_units | {name: entry.display_unit or entry.unit for name, entry in first.items()})
@@ -231,6 +244,26 @@ def compare_runs(
     return Comparison(
         shown, tuple(problems), tuple(by_case(notes, len(recorded[0]))), tolerance, tuple(missing), changes, verdicts
     )
+
+
+def variant_pairs(
+    summaries: tuple[Mapping[str, Any], Mapping[str, Any]], variants: Sequence[str]
+) -> dict[str, tuple[str, str]]:
+    """Return the variants of the first and the second run that `A` and `A=B` name; TwinError for one that is not there."""
+    own = [list(dict.fromkeys(entry["variant"] for entry in summary["cases"])) for summary in summaries]
+    pairs: dict[str, tuple[str, str]] = {}
+    for text in variants:
+        first, equals, second = text.partition("=")
+        if text in own[0] or text in own[1]:
+            pairs[text] = (text, text)
+        elif not equals:
+            raise TwinError(f"{text!r}: neither run has this variant. {nearest(text, own[0] + own[1])}")
+        else:
+            pairs[text] = (first.strip(), second.strip())
+            for name, names, run in zip(pairs[text], own, ("first", "second"), strict=True):
+                if name not in names:
+                    raise TwinError(f"{text!r}: the {run} run has no variant {name!r}. {nearest(name, names)}")
+    return pairs
 
 
 def missing_signals(first: Mapping[str, Sequence[str]], second: Mapping[str, Sequence[str]]) -> list[Missing]:

@@ -83,13 +83,21 @@ class VerdictChange(NamedTuple):
     second: str
 
 
-def metric_changes(
-    first: Mapping[str, Any], second: Mapping[str, Any], variants: Sequence[str] = ()
-) -> tuple[MetricChange, ...]:
-    """Return the metrics that both summaries have, in the units of the tables, the largest change over the seeds' spread first.
+def select_variants(summary: Mapping[str, Any], pairs: Mapping[str, tuple[str, str]], at: int) -> dict[str, Any]:
+    """Return a summary with the variants `pairs[name][at]` alone, under the names of the pairs."""
+    own = {name: pair[at] for name, pair in pairs.items()}
+    cases = [
+        {**case, "variant": name} for name, old in own.items() for case in summary["cases"] if case["variant"] == old
+    ]
+    metrics = {}
+    for metric, entry in summary["metrics"].items():
+        values = {name: entry["variants"][old] for name, old in own.items() if old in entry["variants"]}
+        metrics[metric] = {**entry, "variants": values}
+    return {**summary, "cases": cases, "metrics": metrics}
 
-    `variants`: all without any.
-    """
+
+def metric_changes(first: Mapping[str, Any], second: Mapping[str, Any]) -> tuple[MetricChange, ...]:
+    """Return the metrics that both summaries have, in the units of the tables, the largest change over the seeds' spread first."""
     changes = []
     shown = display_units({name: metric["unit"] for name, metric in first["metrics"].items()})
     for name, metric in first["metrics"].items():
@@ -100,7 +108,7 @@ def metric_changes(
         is_scale = is_convertible(metric["unit"], other["unit"]) and offset == other_offset
         scales = [own / si_conversion(unit)[0] for own in (factor, other_factor)]
         for variant in metric["variants"]:
-            if variant not in other["variants"] or (variants and variant not in variants):
+            if variant not in other["variants"]:
                 continue
             values, other_values = (entry["variants"][variant]["values"] for entry in (metric, other))
             seeds = common_seeds(values, other_values)
@@ -178,17 +186,10 @@ def compare_summaries(
     tolerance: float,
     *,
     metrics: bool,
-    variants: Sequence[str],
+    with_verdicts: bool,
 ) -> tuple[list[str], list[Missing]]:
-    """List the differences in cases and, with `metrics`, in metrics, status and verdicts; the latter two of all variants."""
-    cases = [
-        [
-            (entry["variant"], str(entry["seed"]))
-            for entry in summary["cases"]
-            if not variants or entry["variant"] in variants
-        ]
-        for summary in (first, second)
-    ]
+    """List the differences in cases and, with `metrics`, in metrics; `with_verdicts` also in status and requirements."""
+    cases = [[(entry["variant"], str(entry["seed"])) for entry in summary["cases"]] for summary in (first, second)]
     missing = list_missing("case", *([f"{variant}, seed {seed}" for variant, seed in own] for own in cases))
     if not metrics:
         return [], missing
@@ -202,7 +203,7 @@ def compare_summaries(
         and (entry := metric_problem(name, metric, second["metrics"][name], common, tolerance, units[name]))
     ]
     problems = [line for _, line in sorted(metric_problems, key=lambda entry: -entry[0])]
-    if variants:
+    if not with_verdicts:
         return problems, missing
     if first["status"] != second["status"]:
         problems.insert(0, f"status: {first['status']} and {second['status']}.")

@@ -30,6 +30,7 @@ from .options import RunOptions as RunOptions
 from .options import StudyCase as StudyCase
 from .parameter_table import parameter_rows as parameter_rows
 from .parameter_table import remarks_on_values as remarks_on_values
+from .parameter_table import with_unit as with_unit
 from .recorded_views import RecordedSignal as RecordedSignal
 from .recorded_views import RecordedSystem as RecordedSystem
 from .recorded_views import describe_system as describe_system

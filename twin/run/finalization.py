@@ -21,6 +21,7 @@ from twin.run.operator_result import (
     session_verdict,
     warning_notes,
 )
+from twin.run.parameter_table import parameter_rows, with_unit
 
 if TYPE_CHECKING:
     from twin.scenario import Case
@@ -113,13 +114,15 @@ def write_summary_and_report(
     """Write summary.json and report.html."""
     result.summary = results.build_summary(result.run, result.evaluation, result.tables, result.terminations)
     result.summary["sentence"] = fill_sentence(result.scenario.sentence, result.evaluation.metric_results)
+    result.summary["overrides"] = [
+        with_unit(each, result.scenario, result.catalogs)[0] for each in result.run.overrides
+    ]
     if result.study_case is not None:
         result.summary["study"] = result.study_case.summary(result.folder, result.run.overrides)
     results.write_summary(result.folder / "summary.json", result.summary)
     if with_report:
         from twin.run import report_page, scenes
         from twin.run.event_table import event_rows
-        from twin.run.parameter_table import parameter_rows
         from twin.run.recorded_views import variant_views
 
         distinct = list({case.variant: case for case in cases}.values())

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.component import catalog
+from twin.component import unit as units
 from twin.coupling import find
 from twin.errors import CouplingError, quote_names, suggestion
 from twin.results import MILLI_UNITS, si_conversion
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 
 
 WARNING = "warning: "
+BARE = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*")  # a number without a unit
+NUMBERS = re.compile(r"[\s\[\]\d.,eE+-]+")  # the value of `--set` is one number or several, without a unit
+TIMES = ("start_time", "stop_time", "step", "period", "communication_step")
 FAR = 100.0  # factor from which a set value is implausible, if the scenario states no range
 SMALL = 0.1  # parameters all of whose values are below are shown in the smaller unit [SI]
 
@@ -217,6 +221,50 @@ def value_remarks(scenario: ScenarioSpec, case: Case, catalog: Catalog, option: 
     return override_remarks(option, value, before, variable, ends, limits)
 
 
+def with_unit(option: str, scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> tuple[str, list[str]]:
+    """Return a `--set` option with the unit of a bare number, and notes: the value in the unit of its range, how many elements it sets."""
+    path, _, text = (part.strip() for part in option.partition("="))
+    symbol, notes = "s" if path.rpartition(".")[2] in TIMES else "", list[str]()
+    for variant, own in catalogs.items():
+        name = path.removeprefix(f"variants.{variant}.").replace(".parameters.", ".", 1)
+        try:
+            reference = find(name, own)
+        except CouplingError:  # a key of the run, or a member of other variants
+            continue
+        symbol = label(reference.variable.unit)
+        shown = range_unit(scenario, name) or shown_value(reference.variable.start, reference.variable)[1]
+        if BARE.fullmatch(text) and label(shown) != symbol:
+            notes = [in_unit(float(text), reference.variable.unit, shown)]
+        if reference.size > 1 and "," not in text:
+            notes.append(f"all {reference.size} elements")
+        break
+    if BARE.fullmatch(text):
+        return f"{path}={text} {symbol}".rstrip(), notes
+    return option, [symbol] * bool(symbol and NUMBERS.fullmatch(text)) + notes
+
+
+def range_unit(scenario: ScenarioSpec, name: str) -> str:
+    """Return the unit of the range that a scenario states for a parameter; empty without one."""
+    return next((str(end).partition(" ")[2] for end in scenario.console_parameters.get(name, ())[-1:]), "")
+
+
+def in_unit(value: float, symbol: str, shown: str) -> str:
+    """Return a value in another unit, as text: 72 Hz as `4320 /min`."""
+    (factor, offset), (shown_factor, shown_offset) = si_conversion(symbol), si_conversion(spelled(shown))
+    return f"{(value * factor + offset - shown_offset) / shown_factor:.6g} {label(shown)}"
+
+
+def label(symbol: str) -> str:
+    """Return a unit as it stands after a number: `/min` for `1/min`."""
+    text = units.shown(symbol)
+    return text.removeprefix("1") if text.startswith("1/") or text == "1" else text
+
+
+def spelled(symbol: str) -> str:
+    """Return `1/min` for the `/min` of values such as `60 /min`."""
+    return f"1{symbol}" if symbol.startswith("/") else symbol
+
+
 def override_remarks(
     option: str,
     value: float,
@@ -226,20 +274,27 @@ def override_remarks(
     limits: str = "",
 ) -> list[str]:
     """Return the remarks on one value. `before`: the scenario's; `ends`: the range that it states, `limits` as written."""
-    path, _, text = option.partition("=")
+    _, _, text = option.partition("=")
     usual, shown_unit = shown_value(before, variable)
-    remarks = []
-    if re.fullmatch(r"[\s\d.eE+-]+", text) and shown_unit != variable.unit:
-        meant = value * si_conversion(shown_unit)[0] / si_conversion(variable.unit)[0]
-        if distance(meant, before) <= distance(value, before):
-            spelling = f"{path}='{text.strip()} {shown_unit}'"
-            remarks.append(f"note: {option} is {value:g} {variable.unit}. Write {spelling} if you mean {shown_unit}.")
+    shown_unit = limits.rpartition(" ")[2] if " " in limits.rpartition(" to ")[2] else shown_unit
+    own_unit, shown_unit = label(variable.unit), label(shown_unit)
+    meaning, advice = f"{option} is", ""
+    if shown_unit != own_unit:
+        converted = in_unit(value, variable.unit, shown_unit)
+        meaning = f"{option} is {converted},"
+        if BARE.fullmatch(text):
+            meaning = f"{option} means {value:g} {own_unit} = {converted},"
+            meant = value * si_conversion(spelled(shown_unit))[0] / si_conversion(variable.unit)[0]
+            is_meant = ends[0] <= meant <= ends[1] if ends else distance(meant, before) <= distance(value, before)
+            advice = f" Write '{text.strip()} {shown_unit}' if you mean {shown_unit}." * is_meant
     if ends is not None and not ends[0] <= value <= ends[1]:
-        remarks.append(f"{WARNING}{option} is outside of the range that the scenario states, {limits}.")
-    elif ends is None and value and before and not 1.0 / FAR <= abs(value / before) <= FAR:
-        size = f"{abs(value / before):.4g} times the scenario's {usual} {shown_unit}".rstrip()
-        remarks.append(f"{WARNING}{option} is implausible, {size}.")
-    return remarks
+        return [f"{WARNING}{meaning} outside of {limits}.{advice}"]
+    if ends is None and value and before and not 1.0 / FAR <= abs(value / before) <= FAR:
+        size = (
+            f"{abs(value / before):.4g} times the scenario's {usual} {label(shown_value(before, variable)[1])}".rstrip()
+        )
+        return [f"{WARNING}{meaning} implausible, {size}.{advice}"]
+    return [f"note: {meaning.rstrip(',')}.{advice}"] if advice else []
 
 
 def distance(value: float, other: float) -> float:

@@ -107,20 +107,22 @@ def results_table(evaluation: Evaluation, verbose: bool = False) -> Group:
             verdicts.add_row(Text(*VERDICTS[result.verdict]), Text(name + " ".join(texts)))
     for sentence in evaluation.unjudged if expectations else ():
         verdicts.add_row(Text(*VERDICTS["unjudged"]), Text(sentence))
-    for verdict, text in () if verbose else count_expectations(expectations).items():
+    for verdict, text in () if verbose else count_verdicts(expectations, metrics).items():
         verdicts.add_row(Text(*VERDICTS[verdict]), Text(text))
     table = MetricTable(metric_rows(metrics), has_seeds(metrics)) if verbose else MetricOverview(metrics)
     return Group(*[table] * bool(metrics), *[verdicts] * bool(verdicts.row_count))
 
 
-def count_expectations(results: Sequence[ExpectationResult]) -> dict[str, str]:
-    """Return a text for the skipped expectations and one for the passed ones, by verdict."""
+def count_verdicts(results: Sequence[ExpectationResult], metrics: Sequence[MetricResult]) -> dict[str, str]:
+    """Return a text for the skipped expectations and one for the passed ones, also of the paper's figures, by verdict."""
+    figures = sum(metric.verdict == "pass" for metric in metrics)
+    compared = f", and {figures} of the paper's figures above" if figures else ""
     names = {verdict: [each.name for each in results if each.verdict == verdict] for verdict in ("skipped", "pass")}
     subjects = {verdict: f"{len(each)} requirement{'s' * (len(each) > 1)}" for verdict, each in names.items()}
     pronouns = {verdict: "them" if len(each) > 1 else "it" for verdict, each in names.items()}
     texts = {
         "skipped": f"{subjects['skipped']} (--verbose lists {pronouns['skipped']} and says why).",
-        "pass": f"{subjects['pass']} (--verbose lists {pronouns['pass']}).",
+        "pass": f"{subjects['pass']} (--verbose lists {pronouns['pass']}){compared}.",
     }
     return {verdict: text for verdict, text in texts.items() if names[verdict]}
 

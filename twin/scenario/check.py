@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from twin import clock
-from twin.errors import CouplingError, ScenarioError
+from twin.errors import CouplingError, ScenarioError, suggestion
 from twin.scenario.keys import quantities
 from twin.scenario.keys.console_keys import check_console, check_controls
 from twin.scenario.keys.dimensions import check_units, expression_uses
@@ -103,7 +103,9 @@ def check_case(case: Case, tree: Node, keys: ScenarioKeys) -> list[str]:
         if not NAME.fullmatch(name):
             problems.append(f"{member.where}: member `{name}`: use letters, digits and _ only.")
         if not member.component:
-            problems.append(f"{member.where}: member `{name}` has no component. Add one: `component: servomotor`.")
+            hint = suggestion(name, case.members.keys() - {name}, "`")
+            advice = f"{hint} A new one needs it" if hint else "Add one"
+            problems.append(f"{member.where}: member `{name}` has no component. {advice}: `component: servomotor`.")
         elif member.component.endswith(".fmu"):
             problems += missing_file(name, member)
     for connection in case.connections:

@@ -134,10 +134,8 @@ def located(name_or_path: str | Path, kind: str = "scenario") -> Path:
     path = Path(name_or_path)
     refuse_elsewhere(path, kind)
     if path.suffix in (".yaml", ".yml") and not path.exists():
-        files = {other.stem: str(other) for other in path.parent.glob(f"*{path.suffix}")}
-        names = files | {name: name for name in scenarios(kind) if path.parent == Path()}
-        if close := [names[name] for name, _ in find_similar(path.stem, sorted(names))]:
-            raise ScenarioError(f"{path}: is not there. Did you mean {' or '.join(map(repr, close))}?")
+        if hint := suggest_files(path, kind):
+            raise ScenarioError(f"{path}: is not there. {hint}")
     if path.suffix or len(path.parts) != 1 or path.is_file():
         return path
     named_paths = scenarios(kind)
@@ -148,6 +146,8 @@ def located(name_or_path: str | Path, kind: str = "scenario") -> Path:
         if path.name in scenarios(other):
             raise ScenarioError(f"{path.name!r} is a {other}: {command} {path.name}")
         if (file := path.with_suffix(".yaml")).is_file():
+            if is_study_file(file) != (kind == "study"):
+                raise ScenarioError(f"{file} is a {other}: {command} {file}")
             raise ScenarioError(f"There is no {kind} {path.name!r}. Name the file that is here: {file}")
         from twin.component import catalog
 
@@ -155,10 +155,18 @@ def located(name_or_path: str | Path, kind: str = "scenario") -> Path:
             raise ScenarioError(f"{path.name!r} is a component: twin describe {path.name}")
         many = "studies" if kind == "study" else f"{kind}s"
         see = f"See `twin list {many}`." if kind in ("scenario", "study") else nearest(path.name, named_paths)
-        raise ScenarioError(
-            f"There is no {kind} {path.name!r}, and no file of this name. {suggestion(path.name, named_paths) or see}"
-        )
+        hint = suggest_files(path, kind) or see
+        raise ScenarioError(f"There is no {kind} {path.name!r}, and no file of this name. {hint}")
     return named_paths[path.name]
+
+
+def suggest_files(path: Path, kind: str) -> str:
+    """Return `Did you mean ...?` with files of the folder and shipped scenarios, or studies, of a similar name; "" without."""
+    others = (other for other in path.parent.glob("*.y*ml") if is_study_file(other) == (kind == "study"))
+    files = {other.stem: str(other) for other in others}
+    names = ({name: name for name in scenarios(kind)} if path.parent == Path() else {}) | files
+    close = [repr(names[name]) for name, _ in find_similar(path.stem, sorted(names))]
+    return f"Did you mean {' or '.join(close)}?" if close else ""
 
 
 def missing_file_advice(path: Path) -> str:

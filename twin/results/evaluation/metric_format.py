@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from twin.component import unit
-from twin.results.recording.signals import MILLI_UNITS, format_value, si_conversion
+from twin.results.recording.signals import LARGER_UNITS, MILLI_UNITS, format_value, si_conversion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -55,6 +55,12 @@ def display_units(declared: Mapping[str, str]) -> dict[str, str]:
     return {
         name: MILLI_UNITS[symbol] if MILLI_UNITS.get(symbol) in symbols else symbol for name, symbol in declared.items()
     }
+
+
+def larger_unit(values: Iterable[float], symbol: str) -> str:
+    """Return the unit for some values [SI] of a comparison: N instead of mN for 8.11 N."""
+    larger = LARGER_UNITS.get(symbol, symbol)
+    return larger if max(map(abs, values), default=0.0) >= si_conversion(larger)[0] else symbol
 
 
 def metric_formats(results: Iterable[MetricResult]) -> dict[str, MetricFormat]:

@@ -158,7 +158,8 @@ def in_unit(symbol: str) -> str:
 def resolve(value: Any, variable: MemberVariable, what: str) -> Any:
     """Convert a value to a numpy scalar or array of the variable's type, shape and unit; CouplingError if out of bounds."""
     if isinstance(value, list) and not variable.shape:
-        raise CouplingError(f"{what}: expected one value, not a list of {len(value)}.")
+        advice = " A decimal point, not a comma?" if len(value) == 2 else ""  # 1,2 Hz
+        raise CouplingError(f"{what}: expected one value, not a list of {len(value)}.{advice}")
     resolved = array(value, variable, what) if variable.shape else element(value, variable, what)
     violation, advice = variable.outside(resolved)
     if violation:

@@ -24,10 +24,7 @@ def owner(reference: str) -> str:
 
 def restrict(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog], analyses: AbstractSet[str]) -> ScenarioSpec:
     """Remove everything that refers to a member outside its variant's catalog, or to an analysis not in `analyses`."""
-    unloaded = {item.name for item in scenario.analyses} - analyses
-    unknown = {
-        case.variant: (case.members.keys() - catalogs[case.variant].keys()) | unloaded for case in scenario.variants
-    }
+    unknown = {case.variant: case.members.keys() - catalogs[case.variant].keys() for case in scenario.variants}
     names = {name for case in scenario.variants for name in case.members} | analyses
 
     def can_resolve(references: Iterable[str], variants: Iterable[str] = ()) -> bool:
@@ -40,16 +37,17 @@ def restrict(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog], analyses: 
     def can_read(expressions: Iterable[Expression], variants: Iterable[str]) -> bool:
         return can_resolve((item.name for expression in expressions for item in expression.signals), variants)
 
+    readable = [
+        item for item in scenario.analyses if item.name in analyses and can_read(item.inputs.values(), item.variants)
+    ]
+    dropped = {item.name for item in scenario.analyses} - {item.name for item in readable}
+    unknown = {variant: members | dropped for variant, members in unknown.items()}
     record = replace(scenario.record, patterns=tuple(item for item in scenario.record.patterns if can_resolve([item])))
     return replace(
         scenario,
         variants=tuple(restrict_case(case, catalogs[case.variant]) for case in scenario.variants),
         record=record,
-        analyses=tuple(
-            item
-            for item in scenario.analyses
-            if item.name in analyses and can_read(item.inputs.values(), item.variants)
-        ),
+        analyses=tuple(readable),
         metrics={name: item for name, item in scenario.metrics.items() if can_read([item.signal], item.variants)},
         expectations=tuple(
             item for item in scenario.expectations if item.signal is None or can_read([item.signal], item.variants)

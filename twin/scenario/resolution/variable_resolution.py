@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from twin import clock
 from twin.component import catalog
-from twin.coupling import renamed
-from twin.errors import ScenarioError, TwinError
+from twin.coupling import find, renamed, terminals
+from twin.errors import CouplingError, ScenarioError, TwinError
 from twin.scenario.check import check_against, check_values
 from twin.scenario.keys import quantities
 from twin.scenario.resolution.restrict_to_known import restrict
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from twin.component import Component
     from twin.coupling import Catalog, MemberVariable
@@ -114,6 +114,8 @@ def resolve_variables(scenario: ScenarioSpec, *, imports: bool = True) -> tuple[
     restricted = restrict(scenario, catalogs, analyses)
     for case in restricted.variants:
         problems |= dict.fromkeys(check_members(case, catalogs[case.variant], variable_cache.classes))
+    for case in scenario.variants:
+        problems |= dict.fromkeys(check_single_ends(case, catalogs[case.variant]))
     problems |= dict.fromkeys(check_against(restricted, catalogs, variable_cache.classes))
     problems |= dict.fromkeys(advise_names(scenario, catalogs, list(problems)))
     return catalogs, merge_unknown_names(problems)
@@ -194,6 +196,17 @@ def check_members(case: Case, catalog: Catalog, classes: Mapping[str, type[Compo
         *(problem for name in case.members for problem in check_sampling(name, case, catalog[name], classes)),
         *case.system(catalog).check(),
     ]
+
+
+def check_single_ends(case: Case, catalog: Catalog) -> Iterator[str]:
+    """Report unknown names at the end of connections whose other end is of a member without variables, such as an invalid one."""
+    for connection in case.connections:
+        ends = [end for end in (connection.source, connection.target) if end.partition(".")[0] in catalog]
+        if len(ends) == 1 and terminals.find(ends[0], catalog) is None:
+            try:
+                find(ends[0], catalog)
+            except CouplingError as error:
+                yield f"{connection.where}: {error}"
 
 
 def check_rhythm(name: str, case: Case) -> list[str]:

@@ -11,7 +11,7 @@ import logging
 from functools import partial
 from pathlib import Path
 
-from twin.errors import ScenarioError, printable
+from twin.errors import ScenarioError, printable, suggestion
 from twin.scenario import fmu_reader, scenario_paths, ssp_reader
 from twin.scenario.resolution.variable_names import nearest
 from twin.scenario.yaml_files import yaml_reader
@@ -72,14 +72,18 @@ def complete(root: Node, path: Path, shown: str, problems: list[str], extending_
             f"{parent.location}: extends: more than {MAX_DEPTH} files extend each other. Join some of them."
         )
     if not target.is_file():
-        file_names = [other.name for other in target.parent.glob("*.y*ml")] if target.parent.is_dir() else []
         what = "file" if target.suffix else "scenario or file"
-        hint = nearest(target.name, file_names if target.suffix else [*file_names, *scenario_paths.scenarios()])
-        hint = hint or " Give the name of a shipped scenario, or a path relative to this file."
+        names = [other.stem for other in path.parent.glob("*.yaml") if other.name != path.name]
+        if target.parent.resolve() == path.parent.resolve():
+            hint = suggestion(target.stem, [*names, *scenario_paths.scenarios()], "`")
+        else:
+            hint = suggestion(target.name, (other.name for other in target.parent.glob("*.y*ml")), "`")
+        hint = f" {hint or 'Give the name of a shipped scenario, or a path relative to this file.'}"
         if Path(parent.value).stem in scenario_paths.scenarios():
             hint = f" Write `extends: {Path(parent.value).stem}` for the one that came with the project."
         raise ScenarioError(f"{parent.location}: extends: there is no {what} {parent.value}.{hint}")
-    base_shown = str(Path(shown).parent / parent.value) if Path(parent.value).suffix else str(target)
+    is_near = target == path.parent / parent.value
+    base_shown = str(Path(shown).parent / parent.value) if is_near else str(target)
     base = load(target, base_shown, problems, (resolved_path, *extending_files))
     base = base.without(*NOT_INHERITED)
     problems += unknown_disconnects(root, base) + unused_disconnects(root, base)
@@ -101,12 +105,12 @@ def base_tree(path: Path) -> Node | None:
 
 
 def extended_file(path: Path, name: str) -> Path:
-    """Return the file that `extends` names: a path relative to the file `path`, or a scenario by its name."""
+    """Return the file that `extends` names: a path relative to the file `path`, or a scenario by its name, also with `.yaml`."""
     target = path.parent / name
-    if target.suffix or len(Path(name).parts) != 1 or target.is_file():
-        return target
     neighbor = target.with_suffix(".yaml")
-    return neighbor if neighbor.is_file() else scenario_paths.scenarios().get(name, target)
+    if target.suffix not in ("", ".yaml") or len(Path(name).parts) != 1 or target.is_file():
+        return target
+    return neighbor if neighbor.is_file() else scenario_paths.scenarios().get(target.stem, target)
 
 
 def normalize(root: Node, folder: Path, problems: list[str]) -> Node:

@@ -110,7 +110,11 @@ class StudyLoader(ValueReader):
             scenario = load_scenario(path, options)
             self.catalogs = resolve_catalogs(scenario)
         except ScenarioError as error:
-            raise ScenarioError([*self.problems, *error.problems]) from None
+            problems = error.problems
+            for option, path_set in zip(options, self.keys.set, strict=True):
+                where = f"{self.root.find(('set', path_set)).location}: set: "
+                problems = [problem.replace(f"--set {option}: ", where) for problem in problems]
+            raise ScenarioError([*self.problems, *problems]) from None
         return scenario
 
     def _located(self) -> Path:
