@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import sys
 import time
@@ -14,12 +15,16 @@ from twin.cli import completion
 from twin.cli.options import build_option, no_report_option, runs_option, timeout_option
 from twin.cli.progress import ProgressBar
 from twin.cli.terminal import open_console, say, show_elapsed, show_outcome, show_table, show_text
+from twin.errors import printable
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from twin.study import Answers, Study, StudyOutcome, StudyProgress, TimeEstimate
 
+INTERRUPTED = 130  # exit code
+SAME_SIGNAL = 1.0  # further signals in this time are of the same request: of a terminal and of `timeout`, say [s]
+CLEAR_LINE, SHOW_CURSOR = "\r\033[K", "\033[?25h"
 LINE_INTERVAL = 10.0  # between two progress lines without a bar [s]
 WORST = "worst case"  # title of a column
 MAX_FAILURES = 8  # groups of failed cases that are listed
@@ -96,7 +101,7 @@ def command(
         say(f"{study.title}: already complete, nothing run. Results: {folder}")
         return
     line = shlex.join(["twin", *sys.argv[1:]])
-    with StudyDisplay(study.title) as display:
+    with StudyDisplay(study.title, f"{line}{' --resume' * (not resume)}") as display:
         outcome = run_study(
             study,
             root=runs,
@@ -107,6 +112,7 @@ def command(
             memory=int(memory * 1e9),
             resume=folder,
             listen=display.update,
+            notify=display.acknowledge_signal,
             command=line,
             report=not no_report,
         )
@@ -117,8 +123,8 @@ def command(
         show_verdict(outcome, answers, "cases.parquet" if no_report else "report.html", named)
     if outcome.status == "interrupted":
         cases = f"{count} finished case{'s are' if count != 1 else ' is'} kept"
-        say(f"interrupted: {cases}. Continue: {line}{' --resume' * (not resume)}", err=True)
-        sys.exit(130)
+        say(f"interrupted: {cases}. Continue: {display.resume}", err=True)
+        sys.exit(INTERRUPTED)
     if answers is not None and answers.failed:
         sys.exit(1)
 
@@ -128,9 +134,12 @@ class StudyDisplay(ProgressBar):
 
     has_report = False
 
-    def __init__(self, title: str) -> None:
-        super().__init__(f"{title}: building members, starting the first cases")
-        self.last_line = time.monotonic()
+    def __init__(self, title: str, resume: str) -> None:
+        super().__init__(title)
+        self.resume = resume  # command that continues the study
+        self.last_line = -LINE_INTERVAL
+        self.signal_time = 0.0  # of the first signal
+        self.kept = "the finished cases are kept"
 
     def __enter__(self) -> Self:
         super().__enter__()
@@ -146,10 +155,29 @@ class StudyDisplay(ProgressBar):
             self.has_report = True
             say(f"report so far: {progress.report}", err=True)
         text = progress_text(progress)
+        self.kept = f"{progress.done} of {progress.count} cases are kept"
         self.show(text, progress.done / max(progress.count, 1))
-        if self.bar is None and (time.monotonic() - self.last_line >= LINE_INTERVAL or progress.done == progress.count):
+        is_end = progress.done == progress.count and not progress.phase
+        if self.bar is None and (time.monotonic() - self.last_line >= LINE_INTERVAL or is_end):
             self.last_line = time.monotonic()
             say(text, err=True)
+
+
+    def acknowledge_signal(self) -> None:
+        """Say at once, in the signal handler, what a signal does; the second one ends the process: all cases are on disk."""
+        now, is_first = time.monotonic(), not self.signal_time
+        if not is_first and now - self.signal_time < SAME_SIGNAL:
+            return
+        self.signal_time = self.signal_time or now
+        text = (
+            f"interrupted: {self.kept}, tables and report are being written. Ctrl-C again: end at once. "
+            if is_first
+            else f"{SHOW_CURSOR if self.bar else ''}ended at once: {self.kept}. "
+        )
+        # not by `say`: the handler may have interrupted a write
+        os.write(2, f"{CLEAR_LINE if self.bar else ''}{printable(f'{text}Continue: {self.resume}')}\n".encode())
+        if not is_first:
+            os._exit(INTERRUPTED)
 
 
 def show_estimate(study: Study, estimate: TimeEstimate) -> None:
@@ -175,12 +203,10 @@ def show_estimate(study: Study, estimate: TimeEstimate) -> None:
 
 def extent(study: Study) -> str:
     """Return `4,000 cases (1,000 samples x 4 variants), 400 more of worst case and tuning; 17 factors, sobol`."""
-    from twin.study import searched_cases
-
     samples, variants, seeds = len(study.design.values), len(study.variants), len(study.seeds(1))
     parts = [f"{samples:,} sample{'s' * (samples > 1)}"]
     parts += [f"{count} {word}s" for count, word in ((variants, "variant"), (seeds, "seed")) if count > 1]
-    searched = sum(searched_cases(study).values())
+    searched = sum(study.searched_cases.values())
     more = f", {searched:,} more of worst case and tuning" if searched else ""
     method = study.design.method.replace("_", " ")
     return f"{study.count:,} cases ({' x '.join(parts)}){more}; {len(study.factors)} factors, {method}"
@@ -195,7 +221,7 @@ def show(outcome: StudyOutcome, answers: Answers) -> int | None:
     if answers.changes:
         show_changes(answers)
     elif answers.spreads:
-        show_distributions(outcome, answers, console)
+        show_distributions(answers, console)
     if answers.shares:
         show_pass_rates(outcome, answers)
     sentences = headline(answers, outcome.worst, outcome.tuned)
@@ -220,7 +246,7 @@ def show_verdict(outcome: StudyOutcome, answers: Answers, file: str, named: int 
 
     `named`: the case to look at; by default the first one that was kept, or that failed.
     """
-    from twin.study import open_command, searched_cases
+    from twin.study import open_command
 
     count = len(outcome.cases.rows)
     rates = [rate.part for rate in answers.shares]
@@ -232,21 +258,17 @@ def show_verdict(outcome: StudyOutcome, answers: Answers, file: str, named: int 
     number = named or next(iter([*outcome.runs, *failing, 1]))
     look = open_command(name, number, outcome.runs)
     seconds = f"{outcome.seconds:.3g} s" if outcome.seconds < 100 else f"{outcome.seconds:.0f} s"
-    total = outcome.study.count + sum(searched_cases(outcome.study).values())
-    of_total = f" of {total}" if outcome.status == "interrupted" else ""
+    of_total = f" of {outcome.study.total}" if outcome.status == "interrupted" else ""
     now = f", {count - outcome.before} of them now" if outcome.before else ""
     show_outcome(word, f"{count}{of_total} cases{now} in {seconds}.", outcome.folder / file, look)
 
 
-def show_distributions(outcome: StudyOutcome, answers: Answers, console: Console) -> None:
+def show_distributions(answers: Answers, console: Console) -> None:
     """Print quantiles of the metrics, in the layouts of `twin run` for any width."""
     from twin.run import MetricTable
-    from twin.study import percent
-
-    quantiles = [percent(quantile) for quantile in outcome.study.keys.quantiles]
-    rows = []
+    quantiles, rows = answers.part_names, []
     for spread in answers.spreads:
-        values = [answers.metric(spread.metric, quantile.value) for quantile in spread.quantiles]
+        values = [answers.metric(spread.metric, value) for value in answers.quantiles(spread)]
         numbers = {**dict(zip(quantiles, values, strict=True)), WORST: str(spread.worst)}
         rows.append({"metric": spread.metric, "variant": spread.variant, "paper": "-", "verdict": "info", **numbers})
     table = MetricTable(rows)
@@ -255,16 +277,21 @@ def show_distributions(outcome: StudyOutcome, answers: Answers, console: Console
 
 
 def show_pass_rates(outcome: StudyOutcome, answers: Answers) -> None:
-    """Print in how many cases each expectation is met."""
+    """Print in how many cases each expectation is met; those that all cases meet in one line."""
     from twin.study import percent
 
     interval = f"{percent(outcome.study.keys.confidence)} confidence"
     has_intervals = any(map(answers.interval, answers.shares))
+    below = [share for share in answers.shares if share.part < 1.0]
     rows = [
-        [share.name, share.variant, percent(share.part), *[answers.interval(share)] * has_intervals]
-        for share in answers.shares
+        [share.name, share.variant, percent(share.part), *[answers.interval(share)] * has_intervals] for share in below
     ]
     show_table(["requirement", "variant", "pass rate", *[interval] * has_intervals], rows, 2)
+    if met := [share for share in answers.shares if share.part == 1.0]:
+        missed = {share.name for share in below}
+        names = dict.fromkeys(f"{own.name} ({own.variant})" if own.name in missed else own.name for own in met)
+        least = f" ({interval}: at least {percent(min(own.low for own in met))})" if has_intervals else ""
+        show_text(f"{'; '.join(names)}{least}".replace(" %", "\N{NO-BREAK SPACE}%"), "Pass rate 100 %: ")
 
 
 def show_changes(answers: Answers) -> None:

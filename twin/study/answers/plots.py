@@ -9,6 +9,7 @@ import numpy as np
 
 from twin import clock
 from twin.results import dimension, figure_files, plotting, si_conversion
+from twin.study.answers.statistics import resolved_part
 from twin.study.design import SAMPLED
 from twin.study.execution.case_engine import DONE
 
@@ -124,7 +125,7 @@ def limits_of(study: Study, variant: str, metric: str) -> list[float]:
 def histogram(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
     """Draw the histogram of a metric; red: cases that fail in anything.
 
-    The axis is that of all variants where their ranges overlap, else the variant has its own.
+    The axis is that of all variants; so are the bins where their ranges overlap.
     """
     study = cases.study
     factor, offset = si_conversion(unit, study.metrics[metric].is_difference)
@@ -145,12 +146,11 @@ def histogram(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
         for limit in limits:
             axis.axvline(limit, color=BAD, linewidth=1.0, linestyle=(0, (2, 1.5)))
         for part in study.keys.quantiles:
-            axis.axvline(np.quantile(finite_values, part), color="#1f2933", linewidth=0.8, linestyle=":")
-        low, high = min([edges[0], *limits]), max([edges[-1], *limits])
+            axis.axvline(np.quantile(finite_values, resolved_part(part, len(finite_values))), color="#1f2933", linewidth=0.8, linestyle=":")
+        all_edges = bin_edges(all_values)
+        low, high = min([*all_edges, *edges, *limits]), max([*all_edges, *edges, *limits])
         axis.set_xlim(low - 0.04 * (high - low), high + 0.04 * (high - low))
         axis.yaxis.get_major_locator().set_params(integer=True)
-        if not is_common:
-            axis.set_title("axis of its own", fontsize=9)
         axis.set_ylabel("cases")
         axis.set_xlabel(plotting.axis_label(metric, unit))
 
