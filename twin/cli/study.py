@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
 import sys
@@ -47,6 +48,14 @@ MAX_FAILURES = 8  # groups of failed cases that are listed
 )
 @click.option("--resume", is_flag=True, help="Continue the newest run of this study.")
 @click.option("--check", "check_only", is_flag=True, help="Validate the study, run few cases and estimate its time.")
+@click.option(
+    "--require-pass",
+    is_flag=False,
+    flag_value="100 %",
+    default="",
+    metavar="[RATE]",
+    help="Fail if the pass rate of a requirement is below RATE, e.g. '95 %'.  [without RATE: 100 %]",
+)
 @timeout_option("Time limit of a case [s].  [default: 20 times the longest, at least 60]")
 @click.option(
     "--memory",
@@ -64,6 +73,7 @@ def command(
     scheduler: str,
     resume: bool,
     check_only: bool,
+    require_pass: str,
     timeout: float,
     memory: float,
     runs: Path,
@@ -74,10 +84,11 @@ def command(
 
     Results go to runs/STUDY/TIME/: cases.parquet, manifest.json, answers.json, report.html.
 
-    Ctrl-C keeps the completed cases; --resume continues. Exit code 1 if a case did not finish, 130 after Ctrl-C.
+    Ctrl-C keeps the completed cases; --resume continues. Exit code 1 if a case did not finish or a pass rate is below that
+    of --require-pass, 130 after Ctrl-C.
 
-    --check writes nothing: it reports all mistakes of the file at once, builds the members and runs three cases of each
-    variant. `twin check STUDY` compiles and runs nothing.
+    --check writes no results: it reports all mistakes of the file at once, builds the members (in build/) and runs three
+    cases of each variant. `twin check STUDY` compiles and runs nothing.
 
     \b
     twin study thousand_patients --check
@@ -86,6 +97,7 @@ def command(
     """
     from twin.study import Answers, is_complete, latest, load_study, run_study
 
+    required = required_rate(require_pass)
     study = load_study(file)
     if check_only:
         from twin.study import estimate_time, unreached_windows
@@ -99,7 +111,7 @@ def command(
     folder = latest(runs, study.name) if resume else None
     if folder is not None and is_complete(study, folder):
         say(f"{study.title}: already complete, nothing run. Results: {folder}")
-        return
+        sys.exit(bool(required) and fails_gate(stored_rates(folder), required))
     line = shlex.join(["twin", *sys.argv[1:]])
     with StudyDisplay(study.title, f"{line}{' --resume' * (not resume)}") as display:
         outcome = run_study(
@@ -117,16 +129,51 @@ def command(
             report=not no_report,
         )
     count = len(outcome.cases.rows)
-    answers = Answers(outcome.cases) if count else None
+    answers, is_below = Answers(outcome.cases) if count else None, False
     if answers is not None:
         named = show(outcome, answers)
-        show_verdict(outcome, answers, "cases.parquet" if no_report else "report.html", named)
+        rates = [(rate.name, rate.variant, rate.part) for rate in answers.shares]
+        is_below = required > 0.0 and outcome.status == "completed" and fails_gate(rates, required)
+        file_name = "cases.parquet" if no_report else "report.html"
+        show_verdict(outcome, answers, file_name, named, is_below=is_below)
     if outcome.status == "interrupted":
         cases = f"{count} finished case{'s are' if count != 1 else ' is'} kept"
         say(f"interrupted: {cases}. Continue: {display.resume}", err=True)
         sys.exit(INTERRUPTED)
-    if answers is not None and answers.failed:
+    if answers is not None and (answers.failed or is_below):
         sys.exit(1)
+
+
+def required_rate(text: str) -> float:
+    """Return the pass rate of `--require-pass`, 0 without one."""
+    try:
+        rate = float(text.rstrip().removesuffix("%")) / (100.0 if text.rstrip().endswith("%") else 1.0) if text else 0.0
+    except ValueError:
+        rate = -1.0
+    if text and not 0.0 < rate <= 1.0:
+        raise click.UsageError(f"--require-pass: {text!r} is no pass rate. Give one such as '95 %', after the study.")
+    return rate
+
+
+def stored_rates(folder: Path) -> list[tuple[str, str, float]]:
+    """Return requirement, variant and pass rate of a study that has run, from its answers.json."""
+    try:
+        answers = json.loads((folder / "answers.json").read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise click.ClickException(f"{folder}: has no answers.json. Run the study again without --no-report.") from None
+    return [(rate["name"], rate["variant"], rate["part"]) for rate in answers["expectations"]]
+
+
+def fails_gate(rates: list[tuple[str, str, float]], required: float) -> bool:
+    """Whether a pass rate is below the required one, or none is known; each of them is printed."""
+    from twin.study import percent
+
+    below = [(name, variant, part) for name, variant, part in rates if part < required]
+    for name, variant, part in below:
+        show_text(f"{name} ({variant}): pass rate {percent(part)}, required {percent(required)}", "below: ")
+    if not rates:
+        say("below: no requirement is judged, so that none can pass")
+    return bool(below) or not rates
 
 
 class StudyDisplay(ProgressBar):
@@ -161,7 +208,6 @@ class StudyDisplay(ProgressBar):
         if self.bar is None and (time.monotonic() - self.last_line >= LINE_INTERVAL or is_end):
             self.last_line = time.monotonic()
             say(text, err=True)
-
 
     def acknowledge_signal(self) -> None:
         """Say at once, in the signal handler, what a signal does; the second one ends the process: all cases are on disk."""
@@ -241,17 +287,20 @@ def show(outcome: StudyOutcome, answers: Answers) -> int | None:
     return next((sentence.case for sentence in sentences if sentence.case is not None), None)
 
 
-def show_verdict(outcome: StudyOutcome, answers: Answers, file: str, named: int | None = None) -> None:
+def show_verdict(
+    outcome: StudyOutcome, answers: Answers, file: str, named: int | None = None, *, is_below: bool = False
+) -> None:
     """Print the last line: the verdict, the number of cases, the computing time, and where to look.
 
-    `named`: the case to look at; by default the first one that was kept, or that failed.
+    `named`: the case to look at; by default the first one that was kept, or that failed. `is_below`: whether a pass rate is
+    below the required one.
     """
     from twin.study import open_command
 
     count = len(outcome.cases.rows)
     rates = [rate.part for rate in answers.shares]
     passes = bool(rates) and min(rates) == 1.0
-    word = "FAIL" if answers.failed else "PASS" if passes else "DONE"
+    word = "FAIL" if answers.failed or is_below else "PASS" if passes else "DONE"
     word = word if outcome.status == "completed" else outcome.status.upper()
     name = outcome.study.name if outcome.folder.parent.parent == Path("runs") else str(outcome.folder)
     failing = [cluster.cases[0] for cluster in answers.clusters]
@@ -266,6 +315,7 @@ def show_verdict(outcome: StudyOutcome, answers: Answers, file: str, named: int 
 def show_distributions(answers: Answers, console: Console) -> None:
     """Print quantiles of the metrics, in the layouts of `twin run` for any width."""
     from twin.run import MetricTable
+
     quantiles, rows = answers.part_names, []
     for spread in answers.spreads:
         values = [answers.metric(spread.metric, value) for value in answers.quantiles(spread)]

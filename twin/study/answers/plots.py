@@ -146,7 +146,12 @@ def histogram(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
         for limit in limits:
             axis.axvline(limit, color=BAD, linewidth=1.0, linestyle=(0, (2, 1.5)))
         for part in study.keys.quantiles:
-            axis.axvline(np.quantile(finite_values, resolved_part(part, len(finite_values))), color="#1f2933", linewidth=0.8, linestyle=":")
+            axis.axvline(
+                np.quantile(finite_values, resolved_part(part, len(finite_values))),
+                color="#1f2933",
+                linewidth=0.8,
+                linestyle=":",
+            )
         all_edges = bin_edges(all_values)
         low, high = min([*all_edges, *edges, *limits]), max([*all_edges, *edges, *limits])
         axis.set_xlim(low - 0.04 * (high - low), high + 0.04 * (high - low))

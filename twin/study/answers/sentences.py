@@ -54,7 +54,7 @@ class Sentence:
 def headline(answers: Answers, worst: WorstCase | None = None, tuned: Tuned | None = None) -> list[Sentence]:
     """Return the sentences, the most important first. `worst`, `tuned`: results of searches."""
     topics = {
-        "Pass rate so far" if answers.is_partial else "Pass rate": [*pass_sentences(answers), *few_sentences(answers)],
+        "So far" if answers.is_partial else "Pass rate": [*pass_sentences(answers), *few_sentences(answers)],
         "Left out": cut_sentences(answers.left_out),
         "Worst case": [] if worst is None else [worst_sentence(answers, worst)],
         "Tuning": [] if tuned is None else [tuning_sentence(answers, tuned)],
@@ -139,8 +139,11 @@ def few_sentences(answers: Answers) -> list[Sentence]:
     if study.design.method not in (*INDEPENDENT_SAMPLES, "sensitivity") or count >= MIN_SAMPLES:
         return []
     samples = "1 sample supports" if count == 1 else f"{count} samples support"
+    advice = f"take at least {MIN_SAMPLES}"
+    if answers.is_partial and study.keys.samples.count >= MIN_SAMPLES:
+        advice = f"these follow after {MIN_SAMPLES}"
     base = "base " * (study.design.method == "sensitivity")
-    text = f"{samples.replace('sample', f'{base}sample')} no statement about other cases or about causes: take at least {MIN_SAMPLES}."
+    text = f"{samples.replace('sample', f'{base}sample')} no statement about other cases or about causes: {advice}."
     return [Sentence(text)]
 
 

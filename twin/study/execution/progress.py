@@ -67,6 +67,11 @@ class ProgressReporter:
         self.left = max(self.count - done, 0) / self.rate
         self.update()
 
+    def update_build(self, text: str, _: float) -> None:
+        """Report `building (1 of 8) heart` from `building heart (1 of 8)`: a narrow terminal cuts the name."""
+        name, bracket, count = text.removeprefix("building ").partition(" (")
+        self.update(f"building{bracket}{count} {name}")
+
     def update(self, phase: str = "") -> None:
         """Report how far the study is."""
         numbers = (len(self.journal.rows), self.count, self.failed, self.rate, self.left)

@@ -176,9 +176,7 @@ def run_study(
         }
         try:
             with stop.armed():
-                job = build_job(
-                    study, folder / manifest_data["frozen"], build, lambda text, _: reporter.update(text)
-                )
+                job = build_job(study, folder / manifest_data["frozen"], build, reporter.update_build)
             reporter.update(f"starting {engine}")
             with closing(
                 start_runner(job, study, scheduler, workers, memory or memory_of_each(workers), timeout)
@@ -371,7 +369,7 @@ def keep_runs(outcome: StudyOutcome, build: Path, stop: Stop, reporter: Progress
     for k, number in enumerate(wanted, 1):
         if number in outcome.runs:  # of a study that goes on
             continue
-        reporter.update(f"keeping all signals of case {number} ({k} of {len(wanted)})")
+        reporter.update(f"keeping case {number} ({k} of {len(wanted)})")
         if stop.number:
             outcome.status = "interrupted"
             return
