@@ -186,7 +186,7 @@ class StudyDisplay(ProgressBar):
         self.resume = resume  # command that continues the study
         self.last_line = -LINE_INTERVAL
         self.signal_time = 0.0  # of the first signal
-        self.kept = "the finished cases are kept"
+        self.summary = "the finished cases are kept"
 
     def __enter__(self) -> Self:
         super().__enter__()
@@ -202,7 +202,7 @@ class StudyDisplay(ProgressBar):
             self.has_report = True
             say(f"report so far: {progress.report}", err=True)
         text = progress_text(progress)
-        self.kept = f"{progress.done} of {progress.count} cases are kept"
+        self.summary = f"{progress.done} of {progress.count} cases are kept"
         self.show(text, progress.done / max(progress.count, 1))
         is_end = progress.done == progress.count and not progress.phase
         if self.bar is None and (time.monotonic() - self.last_line >= LINE_INTERVAL or is_end):
@@ -216,12 +216,13 @@ class StudyDisplay(ProgressBar):
             return
         self.signal_time = self.signal_time or now
         text = (
-            f"interrupted: {self.kept}, tables and report are being written. Ctrl-C again: end at once. "
+            f"interrupted: {self.summary}, tables and report are being written. Ctrl-C again: end at once. "
             if is_first
-            else f"{SHOW_CURSOR if self.bar else ''}ended at once: {self.kept}. "
+            else f"ended at once: {self.summary}. "
         )
         # not by `say`: the handler may have interrupted a write
-        os.write(2, f"{CLEAR_LINE if self.bar else ''}{printable(f'{text}Continue: {self.resume}')}\n".encode())
+        codes = (CLEAR_LINE + SHOW_CURSOR * (not is_first)) * (self.bar is not None)
+        os.write(2, f"{codes}{printable(f'{text}Continue: {self.resume}')}\n".encode())
         if not is_first:
             os._exit(INTERRUPTED)
 

@@ -134,7 +134,7 @@ def html(outcome: StudyOutcome, answers: Answers, plot_set: PlotSet) -> str:
     sentences = headline(answers, outcome.worst, outcome.tuned)
     named = [sentence.case for sentence in sentences if sentence.case is not None]
     cases_to_open = dict.fromkeys([*named[:1], *search_results])  # the worst of the samples, and of the search
-    told = manifest.read(outcome.folder)
+    entries = manifest.read(outcome.folder)
     text: str = environment.get_template("study.html").render(
         outcome=outcome,
         study=study,
@@ -161,8 +161,8 @@ def html(outcome: StudyOutcome, answers: Answers, plot_set: PlotSet) -> str:
         drawn=plot_set.time,
         as_of=now(),
         total=study.total,
-        resume=told["command"] + " --resume" * ("--resume" not in told["command"]),
-        told=told,
+        resume=entries["command"] + " --resume" * ("--resume" not in entries["command"]),
+        told=entries,
         tornados=plot_set.tornados,
         titles=TITLES,
         variants=tables.variants(answers),

@@ -134,12 +134,15 @@ def histogram(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
     own = {variant: at for variant, every in case_indices.items() if len(at := every[np.isfinite(values[every])])}
     if variant not in own:
         return ""
-    all_values = np.concatenate([values[at] for at in own.values()])
-    is_common = max(values[at].min() for at in own.values()) <= min(values[at].max() for at in own.values())
+    all_edges = {name: bin_edges(values[at]) for name, at in own.items()}
+    if max(values[at].min() for at in own.values()) <= min(values[at].max() for at in own.values()):
+        all_edges = dict.fromkeys(own, bin_edges(values[np.concatenate(list(own.values()))]))
+    ends = [edge for edges in all_edges.values() for edge in edges]
+    ends += [(limit - offset) / factor for name in own for limit in limits_of(study, name, metric)]
 
     def paint(grid: Any) -> None:
         axis, finite_values, bad = grid[0, 0], values[own[variant]], is_bad[own[variant]]
-        edges = bin_edges(all_values if is_common else finite_values)
+        edges = all_edges[variant]
         kinds = [np.minimum(part, edges[-1]) for part in (finite_values[~bad], finite_values[bad])]
         axis.hist(kinds, bins=edges, color=[GOOD, BAD], stacked=True)
         limits = [(limit - offset) / factor for limit in limits_of(study, variant, metric)]
@@ -152,8 +155,7 @@ def histogram(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
                 linewidth=0.8,
                 linestyle=":",
             )
-        all_edges = bin_edges(all_values)
-        low, high = min([*all_edges, *edges, *limits]), max([*all_edges, *edges, *limits])
+        low, high = min(ends), max(ends)
         axis.set_xlim(low - 0.04 * (high - low), high + 0.04 * (high - low))
         axis.yaxis.get_major_locator().set_params(integer=True)
         axis.set_ylabel("cases")
