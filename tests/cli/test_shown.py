@@ -190,7 +190,9 @@ def test_results_of_a_study(capsys, monkeypatch):
         monkeypatch,
         "twin.study",
         percent="{:.0%}".format,
-        headline=lambda *_: [SimpleNamespace(text="A sentence.", case=9)],
+        headline=lambda *_: [
+            SimpleNamespace(text=text, case=9, topic="Causes") for text in ("A sentence.", "Another.")
+        ],
     )
     assert study.show(outcome, answers) == 9
     first = rows(capsys.readouterr().out)
@@ -206,13 +208,15 @@ def test_results_of_a_study(capsys, monkeypatch):
         ["safe", "PI", "85%", "80 to 90 %"],
         ["fails: safe (PI): 2 cases, rate high, noise low, such as case 5"],
         ["fails: fast (PI): 1 case, such as case 9"],
-        ["A sentence."],
+        ["Causes", "A sentence."],
+        ["Another."],
     ]
     assert second == [
         ["Study"],
         ["change", "metric", "from", "to"],
         ["rate up", "force", "force 1", "force 2"],
-        ["A sentence."],
+        ["Causes", "A sentence."],
+        ["Another."],
     ]
 
 

@@ -283,8 +283,11 @@ def show(outcome: StudyOutcome, answers: Answers) -> int | None:
         )
     if len(answers.clusters) > MAX_FAILURES:
         console.print(f"fails: {len(answers.clusters) - MAX_FAILURES} more groups, in the report")
+    width, topic = max((len(sentence.topic) + 2 for sentence in sentences), default=0), ""
     for sentence in sentences:
-        show_text(sentence.text.replace(" %", "\N{NO-BREAK SPACE}%"))
+        label = sentence.topic if sentence.topic != topic else ""
+        topic = sentence.topic
+        show_text(sentence.text.replace(" %", "\N{NO-BREAK SPACE}%"), f"{label:<{width}}", "bold")
     return next((sentence.case for sentence in sentences if sentence.case is not None), None)
 
 
