@@ -199,6 +199,8 @@ def test_the_headline_answers_in_words(tmp_path):
         "8 samples support no statement about other cases or about causes: these follow after 10."
     ]
     assert headline(Answers(begun))[0].topic == "So far"
+    single = headline(Answers(made(tmp_path, "latin_hypercube", 1, lambda u: 0.0 * u[0])))
+    assert single[0].text.startswith("The requirement holds in the only sample")
     assert [sentence.text for sentence in few[1:]] == [
         "8 samples support no statement about other cases or about causes: take at least 10."
     ]

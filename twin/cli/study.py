@@ -93,6 +93,7 @@ def command(
     \b
     twin study thousand_patients --check
     twin study thousand_patients
+    twin study thousand_patients --require-pass '95 %'
     twin run --case thousand_patients:713     repeat one case, with all signals
     """
     from twin.study import Answers, is_complete, latest, load_study, run_study
