@@ -3,6 +3,7 @@
 Over 400 lines: four commands with the same replaced packages below.
 """
 
+import json
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,8 +14,10 @@ import pytest
 from click.testing import CliRunner
 
 from tests.cli.replaced import Calls, replace
+from tests.every_case import every_case
 from twin.cli import calibrate, follow, identify, study, validate
 from twin.errors import SimulationError, TwinError
+from twin.study import percent
 
 
 class Study(NamedTuple):
@@ -169,7 +172,7 @@ def test_limits_of_restarts_and_seeds(words):
 def studied(calls, monkeypatch):
     """Run `twin study a.yaml` with this number of cases, of which `failed` did not finish."""
 
-    def study_with(status, cases, failed, *words):
+    def study_with(status, cases, failed, *words, parts=()):
         folder = Path("runs/a/time")
         outcome = SimpleNamespace(cases=SimpleNamespace(rows=[0] * cases), status=status, folder=folder)
         replace(
@@ -177,13 +180,16 @@ def studied(calls, monkeypatch):
             "twin.study",
             load_study=lambda file: Study(file.stem, "Title"),
             is_complete=lambda *_: status == "complete before",
-            latest=lambda runs, name: f"latest {name} in {runs}",
+            latest=lambda runs, name: Path(f"latest {name} in {runs}"),
             run_study=calls("study", outcome),
-            Answers=lambda _: SimpleNamespace(failed=failed),
+            Answers=lambda _: SimpleNamespace(
+                failed=failed, shares=[SimpleNamespace(name=f"R{part}", variant="A", part=part) for part in parts]
+            ),
+            percent=percent,
         )
         monkeypatch.setattr(study, "show", lambda *_: click.echo("shown"))
         monkeypatch.setattr(
-            study, "show_verdict", lambda outcome, answers, file, named: click.echo(f"DONE {outcome.folder}/{file}")
+            study, "show_verdict", lambda outcome, _, file, *__, **___: click.echo(f"DONE {outcome.folder}/{file}")
         )
         monkeypatch.setattr(sys, "argv", ["twin", "study", "a b.yaml"])
         return run(study.command, "a.yaml", *words)
@@ -216,8 +222,38 @@ def studied(calls, monkeypatch):
 )
 def test_how_a_study_ends(studied, status, cases, failed, result):
     code, printed, errors = result
-    begin = "Title: building members, starting the first cases"
+    begin = "Title"
     assert studied(status, cases, failed) == (code, printed, [begin, *errors])
+
+
+@every_case(
+    ("words", "parts", "code", "printed"),
+    [
+        (["--require-pass"], (1.0,), 0, []),
+        (["--require-pass"], (1.0, 0.96), 1, ["below: R0.96 (A): pass rate 96 %, required 100 %"]),
+        (["--require-pass", "95 %"], (1.0, 0.96), 0, []),
+        (["--require-pass=0.97"], (0.96,), 1, ["below: R0.96 (A): pass rate 96 %, required 97 %"]),
+        (["--require-pass"], (), 1, ["below: no requirement is judged, so that none can pass"]),
+    ],
+)
+def test_a_study_is_a_gate(studied, words, parts, code, printed):
+    assert studied("completed", 3, 0, *words, parts=parts)[:2] == (
+        code,
+        ["shown", *printed, "DONE runs/a/time/report.html"],
+    )
+
+
+def test_a_gate_needs_a_rate(studied):
+    code, _, errors = studied("completed", 3, 0, "--require-pass", "95")
+    assert (code, "'95' is no pass rate. Give one such as '95 %', after the study." in errors[-1]) == (2, True)
+
+
+def test_a_complete_study_is_a_gate(studied, tmp_path):
+    answers = {"expectations": [{"name": "near", "variant": "A", "part": 0.5}]}
+    (tmp_path / "latest a in runs").mkdir()
+    (tmp_path / "latest a in runs/answers.json").write_text(json.dumps(answers))
+    code, printed, _ = studied("complete before", 3, 0, "--resume", "--require-pass")
+    assert (code, printed[1:]) == (1, ["below: near (A): pass rate 50 %, required 100 %"])
 
 
 def test_a_complete_study_is_not_run_again(studied, calls):
@@ -233,7 +269,8 @@ def test_options_of_a_study(studied, calls):
     assert printed == ["shown", "DONE runs/a/time/cases.parquet"]
     (_, first, defaults), (_, _, given) = calls
     assert first == Study("a", "Title")
-    assert (defaults.pop("listen"), given.pop("listen")) != (None, None)
+    for key in ("listen", "notify"):
+        assert (defaults.pop(key), given.pop(key)) != (None, None)
     common = {"command": "twin study 'a b.yaml'"}
     assert defaults == common | {
         "root": Path("runs"),
@@ -252,7 +289,7 @@ def test_options_of_a_study(studied, calls):
         "scheduler": "tcp://h:1",
         "timeout": 2.5,
         "memory": 1_500_000_000,
-        "resume": "latest a in r",
+        "resume": Path("latest a in r"),
         "report": False,
     }
 

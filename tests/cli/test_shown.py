@@ -1,5 +1,6 @@
 """What commands print of their results: each table as a whole, from results that a test chooses."""
 
+import dataclasses
 import io
 import re
 from pathlib import Path
@@ -10,11 +11,11 @@ import pytest
 from rich.console import Console
 
 from tests.cli.replaced import replace
-from twin.cli import follow, identify, profile, progress, simulate, study, validate
+from twin.cli import follow, identify, profile, progress, simulate, study, terminal, validate
 from twin.cli import test as conformance_command
 from twin.errors import FMUError, TwinError
 from twin.process import CrashReport
-from twin.study import duration_text, progress_text
+from twin.study import StudyProgress, duration_text, progress_text
 
 
 def rows(text):
@@ -159,10 +160,11 @@ def study_outcome():
             SimpleNamespace(
                 metric="force",
                 variant="PI",
-                quantiles=[SimpleNamespace(value=1.0), SimpleNamespace(value=2.0)],
                 worst=17,
             )
         ],
+        part_names=["50 %", "95 %"],
+        quantiles=lambda _: [1.0, 2.0],
         shares=[SimpleNamespace(name="safe", variant="PI", part=0.85)],
         clusters=[
             SimpleNamespace(what="safe", variant="PI", cases=[5, 7], factors=[mark, low]),
@@ -188,7 +190,9 @@ def test_results_of_a_study(capsys, monkeypatch):
         monkeypatch,
         "twin.study",
         percent="{:.0%}".format,
-        headline=lambda *_: [SimpleNamespace(text="A sentence.", case=9)],
+        headline=lambda *_: [
+            SimpleNamespace(text=text, case=9, topic="Causes") for text in ("A sentence.", "Another.")
+        ],
     )
     assert study.show(outcome, answers) == 9
     first = rows(capsys.readouterr().out)
@@ -198,19 +202,21 @@ def test_results_of_a_study(capsys, monkeypatch):
     second = rows(capsys.readouterr().out)
     assert first == [
         ["Study"],
-        ["metric", "variant", "50%", "95%", "worst case"],
+        ["metric", "variant", "50 %", "95 %", "worst case"],
         ["force", "PI", "force 1", "force 2", "17"],
         ["requirement", "variant", "pass rate", "95% confidence"],
         ["safe", "PI", "85%", "80 to 90 %"],
         ["fails: safe (PI): 2 cases, rate high, noise low, such as case 5"],
         ["fails: fast (PI): 1 case, such as case 9"],
-        ["A sentence."],
+        ["Causes", "A sentence."],
+        ["Another."],
     ]
     assert second == [
         ["Study"],
         ["change", "metric", "from", "to"],
         ["rate up", "force", "force 1", "force 2"],
-        ["A sentence."],
+        ["Causes", "A sentence."],
+        ["Another."],
     ]
 
 
@@ -250,18 +256,17 @@ def test_results_of_a_study(capsys, monkeypatch):
 def test_the_last_line_of_a_study(capsys, status, failed, parts, runs, line):
     outcome, answers = study_outcome()
     outcome.status, outcome.runs, outcome.folder, outcome.study.name = status, runs, Path("runs/a/1"), "a"
-    outcome.study.count, outcome.study.keys.worst, outcome.study.keys.tune = 80, None, None
+    outcome.study.total = 80
     answers.failed, answers.shares = failed, [SimpleNamespace(part=part) for part in parts]
     study.show_verdict(outcome, answers, "r.html")
     assert capsys.readouterr().out.strip() == line
 
 
-def test_a_narrow_terminal_does_not_break_names_of_metrics(monkeypatch):
-    outcome, answers = study_outcome()
-    replace(monkeypatch, "twin.study", percent="{:.0%}".format)
+def test_a_narrow_terminal_does_not_break_names_of_metrics():
+    _, answers = study_outcome()
     answers.spreads[0].metric = "standard_deviation_of_the_force_error"
     console = Console(file=io.StringIO(), width=60)
-    study.show_distributions(outcome, answers, console)
+    study.show_distributions(answers, console)
     lines = [line.split() for line in console.file.getvalue().splitlines()]
     assert ["standard_deviation_of_the_force_error"] in lines
 
@@ -269,27 +274,81 @@ def test_a_narrow_terminal_does_not_break_names_of_metrics(monkeypatch):
 def test_progress_of_a_study(capsys):
     """A line each ten seconds, and one at the end; once where the report so far is."""
     made = [
-        SimpleNamespace(part="sample", done=done, count=4, left=left, failed=2, missed=1, report=report)
+        StudyProgress("sample", done, 4, 2, float("nan"), left, report, 1)
         for done, left, report in ((0, 89.4, None), (1, 90.0, "r.html"), (4, 0.0, "r.html"), (1, float("nan"), None))
     ]
     fails = "1 fails a requirement, 2 did not finish"
     assert [progress_text(one) for one in made] == [
         f"0 of 4 cases, 89 s left; {fails}",
         f"1 of 4 cases, 2 min left; {fails}",
-        f"4 of 4 cases; {fails}; tables and report follow",
+        f"4 of 4 cases; {fails}",
         f"1 of 4 cases; {fails}",
     ]
-    none = SimpleNamespace(part="tune 3", done=1, count=9, left=float("nan"), failed=0, missed=0)
+    none = StudyProgress("tune 3", 1, 9, 0, float("nan"), float("nan"))
     assert progress_text(none) == "tuning: 1 of 9 cases; 0 fail a requirement"
     assert [duration_text(seconds) for seconds in (89.4, 90, 5399, 5400)] == ["89 s", "2 min", "90 min", "1.5 h"]
-    display = study.StudyDisplay("Study")
+    display, begin = (
+        study.StudyDisplay("Study", "twin study a --resume"),
+        dataclasses.replace(none, phase="building (1 of 8) heart"),
+    )
     with display:  # at once: the first cases take 20 s
-        assert capsys.readouterr().err == "Study: building members, starting the first cases\n"
+        display.update(begin)
+        assert capsys.readouterr().err == "Study\n1 of 9 cases; building (1 of 8) heart\n"
     display.last_line -= study.LINE_INTERVAL
     for one in made[:3]:
         display.update(one)
     shown = [progress_text(made[0]), "report so far: r.html", progress_text(made[2])]
     assert capsys.readouterr().err.splitlines() == shown
+
+
+def test_a_signal_to_a_study_is_acknowledged_at_once(monkeypatch):
+    """The first one with what follows; further ones of the same instant are ignored; the second one ends the process."""
+    seen = []
+    monkeypatch.setattr("os.write", lambda number, text: seen.append((number, text.decode())))
+    monkeypatch.setattr("os._exit", seen.append)
+    display = study.StudyDisplay("Study", "twin study a --resume")
+    display.update(StudyProgress("sample", 2, 32, 0, float("nan"), float("nan")))
+    end = "Continue: twin study a --resume\n"
+    display.acknowledge_signal()
+    display.acknowledge_signal()  # `timeout` signals the process and its group
+    assert seen == [
+        (
+            2,
+            f"interrupted: 2 of 32 cases are kept, tables and report are being written. Ctrl-C again: end at once. {end}",
+        )
+    ]
+    display.signal_time -= study.SAME_SIGNAL
+    display.acknowledge_signal()
+    assert seen[1:] == [(2, f"ended at once: 2 of 32 cases are kept. {end}"), 130]
+
+
+def test_the_clock_of_a_bar_is_whole_at_80_columns(monkeypatch, capsys):
+    monkeypatch.setattr(terminal, "line_width", lambda _: 80)
+    bar = terminal.make_bar()
+    bar.add_task("713 of 4000 cases, 6 min left; 14 fail a requirement, 2 did not finish", total=1.0)
+    bar.console.print(bar.get_renderable())
+    assert capsys.readouterr().out.rstrip().endswith(" 0 % 0:00:00")
+
+
+def test_pass_rates_of_all_cases_are_one_line(capsys):
+    rate = SimpleNamespace(low=0.9, part=1.0)
+    answers = SimpleNamespace(
+        interval=lambda _: "90 % to 100 %",
+        shares=[
+            SimpleNamespace(**{**vars(rate), "name": name, "variant": variant, "part": part})
+            for name, variant, part in (
+                ("range", "A", 1.0),
+                ("range", "B", 1.0),
+                ("contact", "A", 0.5),
+                ("contact", "B", 1.0),
+            )
+        ],
+    )
+    outcome = SimpleNamespace(study=SimpleNamespace(keys=SimpleNamespace(confidence=0.95)))
+    study.show_pass_rates(outcome, answers)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines if line[:1].strip() or "contact" in line][-2:] == ["contact", "Pass"]
+    assert lines[-1] == "Pass rate 100 %: range; contact (B) (95 % confidence: at least 90 %)"
 
 
 def test_a_delayed_bar_appears_after_a_second(monkeypatch):

@@ -106,6 +106,16 @@ def test_an_ignored_interrupt_does_not_come_again_where_nothing_may_be_interrupt
         assert stop.number == signal.SIGINT
 
 
+def test_each_signal_is_notified_at_once():
+    seen = []
+    with Stop(lambda: seen.append("outer")), Stop() as inner:
+        signal.raise_signal(signal.SIGINT)
+        assert seen == ["outer"]
+        signal.raise_signal(signal.SIGINT)
+        assert inner.number
+    assert seen == ["outer"] * 2
+
+
 def test_a_surrounding_stop_learns_of_the_signal():
     with Stop() as stop:
         with Stop() as inner, pytest.raises(KeyboardInterrupt), inner.armed():

@@ -195,7 +195,12 @@ def test_the_headline_answers_in_words(tmp_path):
     )
     few = headline(Answers(made(tmp_path, "latin_hypercube", 8, lambda u: u[0])))
     begun = CaseTable(cases.study, cases.requests[:8], cases.rows[:8])  # of 20, then interrupted
-    assert [sentence.text for sentence in headline(Answers(begun))[1:]] == [sentence.text for sentence in few[1:]]
+    assert [sentence.text for sentence in headline(Answers(begun))[1:]] == [
+        "8 samples support no statement about other cases or about causes: these follow after 10."
+    ]
+    assert headline(Answers(begun))[0].topic == "So far"
+    single = headline(Answers(made(tmp_path, "latin_hypercube", 1, lambda u: 0.0 * u[0])))
+    assert single[0].text.startswith("The requirement holds in the only sample")
     assert [sentence.text for sentence in few[1:]] == [
         "8 samples support no statement about other cases or about causes: take at least 10."
     ]

@@ -214,6 +214,28 @@ def test_all_mistakes_are_told_with_their_lines(tmp_path):
         assert any(one.startswith(f"patients.yaml:{line}:") and text in one for one in told.split("\n")), (text, told)
 
 
+def test_mistakes_of_other_sections_are_told_with_those_of_factors(tmp_path):
+    text = (
+        STUDY.replace("count: 6", "count: -6")
+        .replace("signal: sensor.", "signal: sensr.")
+        .replace("0.5, 1.5]", "1.5, 0.5]")
+    )
+    text += "set: {stop_tme: 1 s}\ncorrelated: [{factors: [heart.rat, heart.scale], coefficient: 0.5}]\n"
+    text += "tune: {metric: motion, variant: plane, knobs: {wall.free_length: {from: 40 mm, to: 60 mm}}, limits: [{metric: motion, at_most: 1 mm}]}\n"
+    with pytest.raises(ScenarioError) as caught:
+        loaded(tmp_path, text)
+    told = [error.partition("patients.yaml:")[2] for error in caught.value.problems]
+    assert [line.partition(": ")[2].partition(": ")[0] for line in told] == [
+        "samples.count",
+        "vary.heart.scale",
+        "keep.bands.force",
+        "set.stop_tme",
+        "correlated[1]",
+        "tune.variant",
+    ]
+    assert "`stop_tme` cannot be set" in told[3]
+
+
 @pytest.mark.parametrize(
     ("wrong", "line", "text"),
     [

@@ -61,11 +61,13 @@ def test_a_study_is_watched_while_it_runs(study, build, tmp_path, monkeypatch):
 
     outcome = run_study(study, root=tmp_path, build=build, workers=1, listen=listen)
     done, text, folder = seen[1]
-    assert 0 < int(re.search(rf"(\d+) of {study.count} cases so far", text)[1]) <= done
+    pattern = rf"As of [\d:]+, (\d+) of {study.count} cases\."
+    assert 0 < int(re.search(pattern, text)[1]) <= done
+    assert any(re.search(pattern, page) and re.search(pattern, page)[1] == "12" for _, page, _ in seen)  # the last one
     assert 'http-equiv="refresh"' in text
     assert f"twin run --case {folder}:" in text
     final = (outcome.folder / "report.html").read_text()
-    assert "cases so far" not in final
+    assert not re.search(pattern, final)
     assert 'http-equiv="refresh"' not in final
     assert json.loads((folder / "manifest.json").read_text())["status"] == "completed"
 

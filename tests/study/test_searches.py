@@ -11,7 +11,6 @@ from tests.every_case import every_case
 from tests.study.patients import STUDY, study_file
 from twin.study import load_study
 from twin.study.execution.case_engine import Row
-from twin.study.execution.study_runner import expected
 from twin.study.execution.tuning import BAD, TUNE, UNSEEN, Trial, excess, fresh, judged, own, statistic, trial_requests
 from twin.study.execution.worst_case_search import WorstCase, search_worst
 
@@ -95,9 +94,9 @@ def test_a_case_without_a_value_is_the_worst(tmp_path):
 
 
 def test_numbers_of_cases_in_all(tmp_path):
-    assert expected(load(tmp_path)) == 6 + 64 + 13 * 6
-    assert expected(load(tmp_path, ("seed: 3", "seed: 3, seeds: [4, 5]"))) == 12 + 64 + 13 * 12
-    assert expected(load_study(study_file(tmp_path))) == 12  # two variants
+    assert load(tmp_path).total == 6 + 64 + 13 * 6
+    assert load(tmp_path, ("seed: 3", "seed: 3, seeds: [4, 5]")).total == 12 + 64 + 13 * 12
+    assert load_study(study_file(tmp_path)).total == 12  # two variants
 
 
 @every_case(("of", "value"), [("mean", 4.0), ("median", 2.5), ("max", 10.0), ("min", 1.0), ("quantile", 3.0)])

@@ -1,5 +1,7 @@
 """The report of a study in a browser: marked rows, Copy buttons, narrow screens."""
 
+import re
+
 import pytest
 
 from tests.study.patients import STUDY, study_file
@@ -37,6 +39,8 @@ def test_a_narrow_screen_scrolls_tables_and_plots_with_legible_letters(browser, 
     shown = browser.new_page(viewport={"width": 360, "height": 800})
     shown.goto(f"file://{report}")
     assert shown.evaluate("document.documentElement.scrollWidth") <= 360
+    assert shown.locator("#factors th").all_inner_texts()[:2] == ["Factor", "Variables"]
+    assert shown.locator("#factors th").first.is_visible()
     assert shown.locator("#cases .scroll").evaluate("box => box.scrollWidth > box.clientWidth")
     plot, wide = (
         shown.locator(f"#pictures details:first-of-type figure{kind}").first for kind in (":not(.wide)", ".wide")
@@ -86,7 +90,16 @@ def test_a_linked_row_is_marked_and_its_command_copied(browser, report):  # noqa
     link.dispatch_event("click")
     picked = figure.locator(".picked").inner_text()
     cells = shown.locator(f"#case-{case} td.number").all_inner_texts()
-    assert picked.startswith(f"Case {case}\nheart.rate ")
+    assert picked.startswith(f"Case {case}: heart.rate ")
+    facts, command = picked.split("\n")[:2]
+    assert not re.search(r"^;|\n;|; ;|;$", facts)
+    assert command == f"twin run --case {report.parent}:{case}"  # one unbroken line
+    assert figure.locator(".picked code").evaluate("code => code.getClientRects().length") == 1
+    first = (int(case) - 1) // 2 * 2 + 1  # the sample has a case of each variant
+    marked = shown.locator("#pictures a.marked").evaluate_all("all => all.map(a => a.getAttribute('xlink:href'))")
+    assert set(marked) == {f"#case-{first}", f"#case-{first + 1}"}
+    assert len(marked) == 2 * 2 * (3 + 1)  # metrics, variants, scatter plots and parallel axes
+    assert f"with case {first + (int(case) == first)} of the same sample" in facts
     assert picked.split(";")[0].count(", ") + 1 >= 2  # the values of what the plot shows
     assert any(f" {text}" in picked for text in cells)
     assert shown.locator("#cases th").all_inner_texts()[:6] == [

@@ -8,16 +8,16 @@ from types import SimpleNamespace
 
 import pytest
 
+from tests.every_case import every_case
 from tests.study.patients import SCENARIO, STUDY, study_file
 from twin.errors import SimulationError, TwinError
 from twin.study import load_study
-from twin.study.answers import page, plots, tables, write_report
+from twin.study.answers import PlotSet, page, plots, tables, write_report
 from twin.study.execution import manifest, study_runner
 from twin.study.execution.case_engine import Row
 from twin.study.execution.case_table import CaseTable
 from twin.study.execution.study_runner import (
     StudyOutcome,
-    expected,
     finish,
     initial_entries,
     keep_runs,
@@ -37,6 +37,10 @@ tune:
 
 def loaded(folder, text=STUDY):
     return load_study(study_file(folder, text))
+
+
+def reporter_of(phases):
+    return SimpleNamespace(update=phases.append)
 
 
 def outcome_of(study, folder, forces=(0.02, 0.1, 0.04, None), status="completed"):
@@ -65,7 +69,7 @@ def test_searches_go_on_with_the_numbers_of_the_samples(tmp_path, monkeypatch, t
     run_parts(outcome, cases)
     assert seen == parts
     assert (outcome.worst, outcome.tuned) == ((worst, tuned) if len(parts) > 1 else (None, None))
-    assert expected(study) == 12 + (64 + 13 * 6 if len(parts) > 1 else 0)
+    assert study.total == 12 + (64 + 13 * 6 if len(parts) > 1 else 0)
 
 
 def test_what_is_known_before_and_after_a_study(tmp_path):
@@ -150,7 +154,7 @@ def kept(tmp_path, monkeypatch, ends, **fields):
 
     monkeypatch.setattr("twin.study.answers.noteworthy", lambda _cases, _keep: [1, 2, 3, 4])
     monkeypatch.setattr(importlib.import_module("twin.study.execution.stored_case"), "repeat", repeat)
-    keep_runs(outcome, tmp_path, SimpleNamespace(number=fields.get("stop", 0)))
+    keep_runs(outcome, tmp_path, SimpleNamespace(number=fields.get("stop", 0)), reporter_of([]))
     return seen, outcome
 
 
@@ -177,7 +181,7 @@ def test_after_a_stop_no_run_is_kept(tmp_path, monkeypatch):
     ("status", "report", "steps"),
     [
         ("completed", True, ["tables", "keep", "report"]),
-        ("interrupted", True, ["tables", "report"]),
+        ("interrupted", True, ["tables", "report without plots", "report"]),  # at once, then with plots
         ("completed", False, ["tables"]),
     ],
 )
@@ -187,10 +191,15 @@ def test_a_study_ends_with_its_files(tmp_path, monkeypatch, status, report, step
     monkeypatch.setattr(
         study_runner, "keep_runs", lambda own, *_: seen.append("keep") or own.runs.update({7: "cases/a"})
     )
-    monkeypatch.setattr("twin.study.answers.write_report", lambda _: seen.append("report"))
+    monkeypatch.setattr(
+        "twin.study.answers.write_report",
+        lambda _, plot_set=None: seen.append("report" if plot_set is None else "report without plots"),
+    )
+    phases = []
     journal = SimpleNamespace(rows={1: None, 2: None})
-    finish(outcome, journal, {"status": status, "started": "now"}, tmp_path, None, report)
+    finish(outcome, journal, {"status": status, "started": "now"}, tmp_path, None, report, reporter_of(phases))
     assert seen == steps
+    assert phases == ["writing tables", *["drawing the plots of the report"] * report]
     assert manifest.read(tmp_path) == {"status": status, "started": "now"} | (
         {"runs": {"7": "cases/a"}} if "keep" in steps else {}
     )
@@ -198,7 +207,7 @@ def test_a_study_ends_with_its_files(tmp_path, monkeypatch, status, report, step
     with pytest.raises(
         SimulationError, match=r"cannot be written \(No space left on device\)\. 2 cases are kept: free some space"
     ):
-        finish(outcome, journal, {}, tmp_path, None, report)
+        finish(outcome, journal, {}, tmp_path, None, report, reporter_of([]))
 
 
 def cells(row):
@@ -270,6 +279,25 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
     (tmp_path / page.PAGE).unlink()
     write_report(outcome_of(study, tmp_path, ()))
     assert not (tmp_path / page.PAGE).exists()
+
+
+@every_case(
+    ("status", "top"),
+    [
+        ("running", r"As of \d\d:\d\d:\d\d, 3 of 12 cases\. This page reloads itself; plots follow\."),
+        ("interrupted", r"3 of 12 cases finished\. Continue: twin study patients\.yaml --resume Copy"),
+    ],
+)
+def test_a_page_before_the_end_says_how_far_it_is(tmp_path, status, top):
+    study = loaded(tmp_path)
+    outcome = outcome_of(study, tmp_path, (0.03, 0.02, 0.04), status)
+    manifest.write(tmp_path, command="twin study patients.yaml", engine="3 processes", versions={"numpy": "9"})
+    write_report(outcome, PlotSet())
+    text = cells((tmp_path / page.PAGE).read_text().partition("<header>")[2])
+    assert re.search(top, text)
+    assert "No requirement fails in the 3 of 12 cases that are done." in text
+    assert "3 of 12 cases: 2 variants of each sample 6 samples planned" in text
+    assert " hold" not in text.partition("cases: 2 variants")[0]
 
 
 def test_one_at_a_time_has_tornados(tmp_path, monkeypatch):

@@ -30,6 +30,7 @@ UNLIMITED = 10_000  # columns
 MAX_NAME = 40  # letters of a name that a table does not break
 NO_BREAK_SPACE = "\N{NO-BREAK SPACE}"
 SECOND = 1.0
+SHORTEST_BAR = 24  # columns of a bar with its percentage and clock, beside a long title
 LABELS = ("note: ", "warning: ")  # before a remark
 BROKEN_PIPE = 141  # exit code of shells for SIGPIPE
 
@@ -163,10 +164,14 @@ def show_table(titles: Iterable[str], rows: Iterable[Iterable[str | Text]], left
 def make_bar(*, err: bool = False) -> Progress:
     """Return a progress bar that vanishes at its end."""
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+    from rich.table import Column
 
-    title = TextColumn("{task.description}", markup=False)
+    console = open_console(err=err)
+    width = max(console.width - SHORTEST_BAR, 20)
+    title = TextColumn("{task.description}", markup=False, table_column=Column(max_width=width, no_wrap=True))
     percentage = TaskProgressColumn("{task.percentage:3.0f} %", markup=False)
-    return Progress(title, BarColumn(), percentage, TimeElapsedColumn(), console=open_console(err=err), transient=True)
+    clock = TimeElapsedColumn(table_column=Column(no_wrap=True))
+    return Progress(title, BarColumn(), percentage, clock, console=console, transient=True)
 
 
 @contextmanager

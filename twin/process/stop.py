@@ -23,9 +23,12 @@ class Stop:
 
     On exit, a signal that would have killed the process does so; a surrounding `Stop` takes it over; where a command was
     interrupted (`once`), further signals are ignored. No-op outside of the main thread.
+
+    `notify`: called in the signal handler for each signal, also of a `Stop` inside this one.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, notify: Callable[[], object] = bool) -> None:
+        self.notify = notify
         self.number = 0  # the first signal that came
         self._armed = 0
         self._before: dict[int, Any] = {}
@@ -39,17 +42,24 @@ class Stop:
         return self
 
     def __exit__(self, *_: object) -> None:
-        handler = self._before.get(self.number)
+        handler, surrounding = self._before.get(self.number), self._surrounding(self.number)
         for number, previous in self._before.items():
             signal.signal(number, signal.SIG_IGN if handler is once else previous)
         sys.unraisablehook = self._hook
-        surrounding = getattr(handler, "__self__", None)
-        if isinstance(surrounding, Stop):
+        if surrounding is not None:
             surrounding.number = surrounding.number or self.number
         elif handler is signal.SIG_DFL:
             signal.raise_signal(self.number)
 
+    def _surrounding(self, number: int) -> Stop | None:
+        owner = getattr(self._before.get(number), "__self__", None)
+        return owner if isinstance(owner, Stop) else None
+
     def _on_signal(self, number: int, _frame: object) -> None:
+        stop: Stop | None = self
+        while stop is not None:
+            stop.notify()
+            stop = stop._surrounding(number)
         first, self.number = not self.number, self.number or number
         if first and self._armed:
             interrupt(self.check)

@@ -16,7 +16,6 @@ from .execution import progress_text as progress_text
 from .execution import repeat as repeat
 from .execution import resolve_case as resolve_case
 from .execution import run_study as run_study
-from .execution import searched_cases as searched_cases
 from .execution import single as single
 from .execution import stored_case_folder as stored_case_folder
 from .execution import stored_cases as stored_cases

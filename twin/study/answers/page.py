@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from html import escape as html_escape
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -27,7 +29,7 @@ from twin.study.execution import case_table, manifest
 from twin.web import report_templates
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable
 
     from twin.study.execution.study_runner import StudyOutcome
 
@@ -59,15 +61,49 @@ EFFECT_NOTES = {
 }
 
 
-def write_report(outcome: StudyOutcome) -> None:
-    """Write the answers of a study; nothing where no case was done."""
+class Plot(NamedTuple):
+    """A plot with its title and a note; a wide one has a row of its own."""
+
+    title: str
+    note: str
+    svg: str
+    is_wide: bool = False
+
+
+class PlotSet(NamedTuple):
+    """All plots of a page with the time at which they were drawn; without any: those of a page that is written in a moment."""
+
+    time: str = ""
+    pictures: Mapping[str, Sequence[Plot]] = {}
+    tornados: Sequence[tuple[str, str]] = ()
+    drivers: Mapping[str, Sequence[tuple[Any, str]]] = {}
+
+
+def write_report(outcome: StudyOutcome, plot_set: PlotSet | None = None) -> PlotSet:
+    """Write the answers of a study, with its plots as they are now or as given; nothing where no case was done."""
     if not outcome.cases.rows:
-        return
+        return PlotSet()
     answers = Answers(outcome.cases)
     sentences = [cleaned(vars(own)) for own in headline(answers, outcome.worst, outcome.tuned)]
     summary = {"sentences": sentences, **answers.plain(), **searched(outcome)}
     write_text(outcome.folder / ANSWERS, json.dumps(summary, indent=1, allow_nan=False) + "\n")
-    write_text(outcome.folder / PAGE, html(outcome, answers))
+    plot_set = draw_plots(outcome, answers) if plot_set is None else plot_set
+    write_text(outcome.folder / PAGE, html(outcome, answers, plot_set))
+    return plot_set
+
+
+def draw_plots(outcome: StudyOutcome, answers: Answers) -> PlotSet:
+    """Draw all plots, which takes most of the time of a page."""
+    drivers = (
+        (driver.metric, driver, plots.effects(driver, answers.formats[driver.metric].unit))
+        for driver in judged_first(answers, answers.drivers)
+    )
+    return PlotSet(now(), pictures(outcome, answers), tornados(answers), together(drivers))
+
+
+def now() -> str:
+    """Return the time of day, `08:03:04`."""
+    return datetime.now(UTC).astimezone().strftime("%H:%M:%S")
 
 
 def searched(outcome: StudyOutcome) -> dict[str, Any]:
@@ -88,7 +124,7 @@ def searched(outcome: StudyOutcome) -> dict[str, Any]:
     return sections
 
 
-def html(outcome: StudyOutcome, answers: Answers) -> str:
+def html(outcome: StudyOutcome, answers: Answers, plot_set: PlotSet) -> str:
     """The page as text."""
     environment = report_templates("twin.study")
     study = outcome.study
@@ -98,6 +134,7 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
     sentences = headline(answers, outcome.worst, outcome.tuned)
     named = [sentence.case for sentence in sentences if sentence.case is not None]
     cases_to_open = dict.fromkeys([*named[:1], *search_results])  # the worst of the samples, and of the search
+    entries = manifest.read(outcome.folder)
     text: str = environment.get_template("study.html").render(
         outcome=outcome,
         study=study,
@@ -109,6 +146,7 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
         holm_note=holm_note(answers),
         few="".join(sentence.text for sentence in few_sentences(answers)),
         percent=percent,
+        part_names=answers.part_names,
         parts=[percent(quantile) for quantile in study.keys.quantiles],
         link=link(set(listed)),
         examples=EXAMPLES,
@@ -119,16 +157,17 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
         metrics=metrics,
         factors=tables.factors(outcome),
         tuned=tuned(outcome, answers),
-        pictures=pictures(outcome, answers),
-        told=manifest.read(outcome.folder),
-        tornados=tornados(answers),
+        pictures=plot_set.pictures,
+        drawn=plot_set.time,
+        as_of=now(),
+        total=study.total,
+        resume=entries["command"] + " --resume" * ("--resume" not in entries["command"]),
+        told=entries,
+        tornados=plot_set.tornados,
         titles=TITLES,
         variants=tables.variants(answers),
         cases=tables.singles(outcome, answers, listed),
-        drivers=together(
-            (driver.metric, driver, plots.effects(driver, metrics[driver.metric]))
-            for driver in judged_first(answers, answers.drivers)
-        ),
+        drivers=plot_set.drivers,
     )
     return text
 
@@ -156,15 +195,6 @@ def linked(sentence: Sentence, named: Callable[[int], str]) -> str:
     return text if number is None else text.replace(f"case {number}", f"case {named(number)}")
 
 
-class Plot(NamedTuple):
-    """A plot with its title and a note; a wide one has a row of its own."""
-
-    title: str
-    note: str
-    svg: str
-    is_wide: bool = False
-
-
 def pictures(outcome: StudyOutcome, answers: Answers) -> dict[str, list[Plot]]:
     """Plots by group: signals over time, then each metric."""
     study, cases = outcome.study, outcome.cases
@@ -181,11 +211,12 @@ def pictures(outcome: StudyOutcome, answers: Answers) -> dict[str, list[Plot]]:
             note = "Line: median; areas: middle 50 % and 90 % of the cases, smallest to largest"
             if any(plots.expected(study, variant, name, np.zeros(1)) for variant in study.variants):
                 note += "; dashed: limit; red: beyond it"
+            note += ". Both are taken at each instant: where rates or phases differ, no case looks like the median"
             for variant in study.variants:
                 if svg := plots.bands(outcome.folder, cases, name, variant, index):
                     add("Over time", f"{variant}, {name} over time", f"{note}.", svg)
     if study.design.method != "one_at_a_time":
-        note = f"Dotted: quantiles {', '.join(map(percent, study.keys.quantiles))}; dashed: limit; red: cases in which anything fails."
+        note = f"Dotted: quantiles {', '.join(answers.part_names)}; dashed: limit; red: cases in which anything fails."
         for metric in dict.fromkeys(spread.metric for spread in first_of(answers)):
             for variant in study.variants:
                 if svg := plots.histogram(cases, metric, variant, unit(metric)):

@@ -9,6 +9,7 @@ import numpy as np
 
 from twin import clock
 from twin.results import dimension, figure_files, plotting, si_conversion
+from twin.study.answers.statistics import resolved_part
 from twin.study.design import SAMPLED
 from twin.study.execution.case_engine import DONE
 
@@ -124,7 +125,7 @@ def limits_of(study: Study, variant: str, metric: str) -> list[float]:
 def histogram(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
     """Draw the histogram of a metric; red: cases that fail in anything.
 
-    The axis is that of all variants where their ranges overlap, else the variant has its own.
+    The axis is that of all variants; so are the bins where their ranges overlap.
     """
     study = cases.study
     factor, offset = si_conversion(unit, study.metrics[metric].is_difference)
@@ -133,24 +134,30 @@ def histogram(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
     own = {variant: at for variant, every in case_indices.items() if len(at := every[np.isfinite(values[every])])}
     if variant not in own:
         return ""
-    all_values = np.concatenate([values[at] for at in own.values()])
-    is_common = max(values[at].min() for at in own.values()) <= min(values[at].max() for at in own.values())
+    all_edges = {name: bin_edges(values[at]) for name, at in own.items()}
+    if max(values[at].min() for at in own.values()) <= min(values[at].max() for at in own.values()):
+        all_edges = dict.fromkeys(own, bin_edges(values[np.concatenate(list(own.values()))]))
+    ends = [edge for edges in all_edges.values() for edge in edges]
+    ends += [(limit - offset) / factor for name in own for limit in limits_of(study, name, metric)]
 
     def paint(grid: Any) -> None:
         axis, finite_values, bad = grid[0, 0], values[own[variant]], is_bad[own[variant]]
-        edges = bin_edges(all_values if is_common else finite_values)
+        edges = all_edges[variant]
         kinds = [np.minimum(part, edges[-1]) for part in (finite_values[~bad], finite_values[bad])]
         axis.hist(kinds, bins=edges, color=[GOOD, BAD], stacked=True)
         limits = [(limit - offset) / factor for limit in limits_of(study, variant, metric)]
         for limit in limits:
             axis.axvline(limit, color=BAD, linewidth=1.0, linestyle=(0, (2, 1.5)))
         for part in study.keys.quantiles:
-            axis.axvline(np.quantile(finite_values, part), color="#1f2933", linewidth=0.8, linestyle=":")
-        low, high = min([edges[0], *limits]), max([edges[-1], *limits])
+            axis.axvline(
+                np.quantile(finite_values, resolved_part(part, len(finite_values))),
+                color="#1f2933",
+                linewidth=0.8,
+                linestyle=":",
+            )
+        low, high = min(ends), max(ends)
         axis.set_xlim(low - 0.04 * (high - low), high + 0.04 * (high - low))
         axis.yaxis.get_major_locator().set_params(integer=True)
-        if not is_common:
-            axis.set_title("axis of its own", fontsize=9)
         axis.set_ylabel("cases")
         axis.set_xlabel(plotting.axis_label(metric, unit))
 

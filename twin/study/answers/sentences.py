@@ -54,7 +54,7 @@ class Sentence:
 def headline(answers: Answers, worst: WorstCase | None = None, tuned: Tuned | None = None) -> list[Sentence]:
     """Return the sentences, the most important first. `worst`, `tuned`: results of searches."""
     topics = {
-        "Pass rate": [*pass_sentences(answers), *few_sentences(answers)],
+        "So far" if answers.is_partial else "Pass rate": [*pass_sentences(answers), *few_sentences(answers)],
         "Left out": cut_sentences(answers.left_out),
         "Worst case": [] if worst is None else [worst_sentence(answers, worst)],
         "Tuning": [] if tuned is None else [tuning_sentence(answers, tuned)],
@@ -72,13 +72,17 @@ def pass_sentences(answers: Answers) -> list[Sentence]:
         return []
     if not missed:
         names = len({rate.name for rate in answers.shares})
+        if answers.is_partial:  # the cases that are missing may fail
+            of = f"{len(answers.cases.rows)} of {answers.study.total} cases"
+            return [Sentence(f"No requirement fails in the {of} that are done.")]
         count = max(rate.count for rate in answers.shares)
         requirements = "the requirement holds" if names == 1 else f"all {names} requirements hold"
         rates = varying_rates(answers.cases, answers.shares)
         worst = max(filter(None, (worst_case(answers, rate) for rate in rates)), default=None)
         closest = f"; closest to its limit: case {worst.number}, {worst.text}" if worst else ""
         unit = sample_word(answers)
-        text = f"{requirements.capitalize()} in each of {count} {unit}{closest}."
+        where = f"each of {count} {unit}" if count > 1 else f"the only {unit[:-1]}"
+        text = f"{requirements.capitalize()} in {where}{closest}."
         return [Sentence(text, worst.number if worst else None)]
     is_sampled, sentences = answers.study.design.method not in ("one_at_a_time", "grid"), list[Sentence]()
     for rate in missed[:MAX_SENTENCES]:
@@ -135,8 +139,11 @@ def few_sentences(answers: Answers) -> list[Sentence]:
     if study.design.method not in (*INDEPENDENT_SAMPLES, "sensitivity") or count >= MIN_SAMPLES:
         return []
     samples = "1 sample supports" if count == 1 else f"{count} samples support"
+    advice = f"take at least {MIN_SAMPLES}"
+    if answers.is_partial and study.keys.samples.count >= MIN_SAMPLES:
+        advice = f"these follow after {MIN_SAMPLES}"
     base = "base " * (study.design.method == "sensitivity")
-    text = f"{samples.replace('sample', f'{base}sample')} no statement about other cases or about causes: take at least {MIN_SAMPLES}."
+    text = f"{samples.replace('sample', f'{base}sample')} no statement about other cases or about causes: {advice}."
     return [Sentence(text)]
 
 

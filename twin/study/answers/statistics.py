@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from twin.results import Expectation, Metric
     from twin.study.execution.case_table import CaseTable, LimitExcess
 
+EXTREMES = {0.0: "smallest", 1.0: "largest"}  # names of the outermost quantiles
 FAMILY_LEVEL = 0.05  # probability that any of the named causes is none
 
 
@@ -31,6 +32,11 @@ class Quantile:
     value: float
     low: float
     high: float
+
+
+def resolved_part(part: float, count: int) -> float:
+    """Return the part of a quantile, 0 or 1 where it is beyond the outermost of so many values: 5 % of fewer than 20."""
+    return float(round(part)) if min(part, 1.0 - part) * count < 1.0 else part
 
 
 @dataclass(frozen=True)

@@ -51,6 +51,11 @@ class Answers:
         return statistics.failures(self.cases)
 
     @property
+    def is_partial(self) -> bool:
+        """Whether samples are missing: the study runs, or was interrupted."""
+        return len(self.cases.where(SAMPLED)) < self.study.count
+
+    @property
     def sample_count(self) -> int:
         """Samples of which a case is done: after an interruption fewer than the study has."""
         return len({self.cases.requests[i].sample for i in self.cases.where(SAMPLED)})
@@ -58,6 +63,22 @@ class Answers:
     def metric(self, name: str, value: float) -> str:
         """A value of a metric [SI] in its unit, with the decimals that all values of the metric have."""
         return self.formats[name].text(value) if np.isfinite(value) else "-"
+
+    @property
+    def parts(self) -> list[float]:
+        """Parts of the quantiles that tables show: 0 and 1 where there are too few samples for those of the study."""
+        count = self.sample_count * len(self.study.seeds(1))
+        return [statistics.resolved_part(part, count) for part in self.study.keys.quantiles]
+
+    @property
+    def part_names(self) -> list[str]:
+        """Names of these quantiles, `5 %` or `smallest`."""
+        return [statistics.EXTREMES.get(part, percent(part)) for part in self.parts]
+
+    def quantiles(self, spread: MetricDistribution) -> list[float]:
+        """Return these quantiles of a metric, SI."""
+        ends = {0.0: spread.least[1], 1.0: spread.most[1]}
+        return [ends.get(part, own.value) for part, own in zip(self.parts, spread.quantiles, strict=False)]
 
     def between(self, name: str, low: float, high: float) -> str:
         """`0.031 to 0.034 N`; `above 0.031 N` without an upper end, `too few cases` without both."""

@@ -82,7 +82,7 @@ def quantiles(answers: Answers, name: str, variant: str, spread: MetricDistribut
     """Return the cell of a metric: the quantile in the middle, and below it the first and the last, or why there are none."""
     if spread is None or not spread.quantiles:
         return cell("-", kind="empty", more=why_no_value(answers, name, variant))
-    values = [quantile.value for quantile in spread.quantiles]
+    values = answers.quantiles(spread)
     middle, ends = values[len(values) // 2], [bare(answers, spread.metric, value) for value in (values[0], values[-1])]
     more = " to ".join(ends) if len(values) > 1 else ""
     return cell(bare(answers, spread.metric, middle), in_unit(answers, spread.metric, middle), "", more)

@@ -74,7 +74,6 @@ class StudyLoader(ValueReader):
         valid_factors = [factor for factor in factors if factor]
         self._refuse_twice(valid_factors)
         self._refuse_metrics(valid_factors)
-        self.stop_if_wrong()
         correlation = self._correlation(valid_factors)
         self._refuse_method(valid_factors, correlation)
         self._refuse_times(valid_factors)
@@ -110,12 +109,20 @@ class StudyLoader(ValueReader):
             scenario = load_scenario(path, options)
             self.catalogs = resolve_catalogs(scenario)
         except ScenarioError as error:
-            problems = error.problems
-            for option, path_set in zip(options, self.keys.set, strict=True):
-                where = f"{self.root.find(('set', path_set)).location}: set: "
-                problems = [problem.replace(f"--set {option}: ", where) for problem in problems]
-            raise ScenarioError([*self.problems, *problems]) from None
+            own = [self._is_of_set(problem, options) for problem in error.problems]
+            if not all(own):
+                raise ScenarioError([*self.problems, *error.problems]) from None
+            scenario = load_scenario(path)  # for the other checks of the file
+            self.catalogs = resolve_catalogs(scenario)
         return scenario
+
+    def _is_of_set(self, problem: str, options: list[str]) -> bool:
+        """Whether a problem of the scenario is one of `set`, to whose line it is added."""
+        for path, option in zip(self.keys.set, options, strict=True):
+            if problem.startswith(f"--set {option}: "):
+                self.add_problem(problem.removeprefix(f"--set {option}: "), "set", path)
+                return True
+        return False
 
     def _located(self) -> Path:
         """Path of the scenario: as seen from the study's file, or that of a shipped one by its name."""
@@ -148,9 +155,9 @@ class StudyLoader(ValueReader):
         return merged
 
     def _factor(self, name: str, keys: FactorKeys) -> Factor | None:
-        before = len(self.problems)
         sets = tuple(keys.sets or ([] if keys.scales else [name]))
         symbol = display = ""
+        has_unit = True
         for key, paths in (("sets", sets), ("scales", tuple(keys.scales))):
             if not paths:
                 continue
@@ -161,12 +168,13 @@ class StudyLoader(ValueReader):
                 else:
                     symbol, display = unit_of(paths, self.catalog)
             except CouplingError as error:
+                has_unit = False
                 self.add_problem(error, "vary", name)
         if sets and keys.scales:
             self.add_problem("both `sets` and `scales` are given. Make two factors of them.", "vary", name)
         if not keys.source:
             self.add_problem("`source` is missing: where its distribution comes from, or `assumed: why`.", "vary", name)
-        distribution = self._distribution(name, keys, symbol) if len(self.problems) == before else None
+        distribution = self._distribution(name, keys, symbol) if has_unit else None
         where = str(self.root.find(("vary", name)).location)
         if distribution is None:
             return None
@@ -262,8 +270,10 @@ class StudyLoader(ValueReader):
             indices = [names.index(path) for path in own]
             matrix[np.ix_(indices, indices)] = block
         for i, pair in enumerate(self.keys.correlated):
-            if unknown := [name for name in pair.factors if name not in names]:
-                self.add_problem(f"nothing called `{unknown[0]}` varies.{nearest(unknown[0], names)}", "correlated", i)
+            named = [*names, *self.keys.vary]  # also factors with mistakes, which are reported
+            if unknown := [name for name in pair.factors if name not in named]:
+                self.add_problem(f"nothing called `{unknown[0]}` varies.{nearest(unknown[0], named)}", "correlated", i)
+            if not set(pair.factors) <= set(names):
                 continue
             a, b = (names.index(name) for name in pair.factors)
             matrix[a, b] = matrix[b, a] = pair.coefficient
@@ -285,7 +295,7 @@ class StudyLoader(ValueReader):
             self.add_problem(
                 f"{method} needs independent factors. Leave the correlations out, or sample otherwise.", "samples"
             )
-        if method in (*LISTED, *INDEPENDENT) and not factors:
+        if method in (*LISTED, *INDEPENDENT) and not factors and not self.keys.vary:
             self.add_problem(f"{method} has nothing to vary. Add `vary`.", "samples", "method")
         if method == "grid" and not self.problems:
             count = int(np.prod([len(factor.distribution.levels) for factor in factors]))
@@ -364,6 +374,8 @@ class StudyLoader(ValueReader):
     def _why_no_value(self, name: str, variant: str) -> str:
         """Return why a metric has no value in a variant; "" if it can have one."""
         metric = self.scenario.metrics[name]
+        if variant not in self.variants:
+            return ""  # reported already
         if metric.variants and variant not in metric.variants:
             return f"`{name}` has no value with {variant}, only with {', '.join(metric.variants)}. Choose one of these."
         if is_cut(self.scenario, variant, metric):

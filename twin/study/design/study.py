@@ -139,6 +139,22 @@ class Study:
         """Cases of all samples."""
         return len(self.design.values) * self.per_sample
 
+    @property
+    def searched_cases(self) -> dict[str, int]:
+        """Number of cases of the searches by their variant; "": the study's first one."""
+        worst, tune, counts = self.keys.worst, self.keys.tune, dict[str, int]()
+        if worst is not None:
+            counts[worst.variant] = worst.evaluations
+        if tune is not None:
+            trials = (tune.trials + 1) * len(self.design.values) * len(self.seeds(1))
+            counts[tune.variant] = counts.get(tune.variant, 0) + trials
+        return counts
+
+    @property
+    def total(self) -> int:
+        """Cases in all, as far as their number is certain before the searches."""
+        return self.count + sum(self.searched_cases.values())
+
     def requests(self) -> Iterator[StudyRequest]:
         """The cases of all samples, in order."""
         number = 0

@@ -1,5 +1,7 @@
 from .case_engine import Engine as Engine
 from .case_engine import Job as Job
+from .manifest import is_complete as is_complete
+from .manifest import latest as latest
 from .progress import StudyProgress as StudyProgress
 from .progress import TimeEstimate as TimeEstimate
 from .progress import duration_text as duration_text
@@ -12,7 +14,4 @@ from .stored_case import stored_cases as stored_cases
 from .stored_case import study_of_run as study_of_run
 from .study_runner import StudyOutcome as StudyOutcome
 from .study_runner import estimate_time as estimate_time
-from .study_runner import is_complete as is_complete
-from .study_runner import latest as latest
 from .study_runner import run_study as run_study
-from .study_runner import searched_cases as searched_cases

@@ -113,3 +113,16 @@ def refuse_changed(folder: Path, now: dict[str, str]) -> dict[str, Any]:
             f"Change that back, or run the study anew without --resume."
         )
     return stored
+
+
+def is_complete(study: Study, folder: Path) -> bool:
+    """Whether a run of a study is complete; ScenarioError if what it is made from has changed since."""
+    return bool(refuse_changed(folder, inputs(study))["status"] == "completed")
+
+
+def latest(root: Path, name: str) -> Path:
+    """The newest folder of a study. ScenarioError if there is none."""
+    folders = study_folders(root / name, NAME)
+    if not folders:
+        raise ScenarioError(f"{root / name}: there is no study to go on with. Run it without --resume first.")
+    return folders[-1]

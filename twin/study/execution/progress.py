@@ -27,6 +27,7 @@ class StudyProgress:
     """How far a study is: cases done and in all, cases per second, seconds left, the report so far.
 
     `failed`: cases that did not finish, `missed`: others that miss a requirement. `rate` and `left` are NaN until enough cases are done.
+    `phase`: what is done before the first or after the last case, such as `building heart (1 of 8)`; else empty.
     """
 
     part: str
@@ -37,6 +38,7 @@ class StudyProgress:
     left: float
     report: Path | None = None
     missed: int = 0
+    phase: str = ""
 
 
 class ProgressReporter:
@@ -47,6 +49,7 @@ class ProgressReporter:
         self.part = SAMPLED
         self.report: Path | None = None
         self.failed = self.missed = 0
+        self.rate = self.left = float("nan")
         for row in journal.rows.values():
             self._count(row)
         self._times: deque[float] = deque(maxlen=LATEST)
@@ -60,12 +63,20 @@ class ProgressReporter:
         done, span = len(self.journal.rows), self._times[-1] - self._times[0]
         # the first cases of all processes come at once: their rate says nothing before another one could be done
         is_steady = len(self._times) >= LEAST and span > 0.0 and self._times[-1] - self._first >= row.seconds
-        rate = (len(self._times) - 1) / span if is_steady else float("nan")
-        left = max(self.count - done, 0) / rate
+        self.rate = (len(self._times) - 1) / span if is_steady else float("nan")
+        self.left = max(self.count - done, 0) / self.rate
+        self.update()
+
+    def update_build(self, text: str, _: float) -> None:
+        """Report `building (1 of 8) heart` from `building heart (1 of 8)`: a narrow terminal cuts the name."""
+        name, bracket, count = text.removeprefix("building ").partition(" (")
+        self.update(f"building{bracket}{count} {name}")
+
+    def update(self, phase: str = "") -> None:
+        """Report how far the study is."""
+        numbers = (len(self.journal.rows), self.count, self.failed, self.rate, self.left)
         try:
-            self.listen(
-                StudyProgress(self.part, done, self.count, self.failed, rate, left, self.report, missed=self.missed)
-            )
+            self.listen(StudyProgress(self.part, *numbers, self.report, missed=self.missed, phase=phase))
         except BrokenPipeError:
             raise
         except OSError:  # a terminal that is closed, or a full disk: the cases are what counts
@@ -79,12 +90,13 @@ class ProgressReporter:
 
 def progress_text(progress: StudyProgress) -> str:
     """Return `713 of 4000 cases, 6 min left; 14 fail a requirement, 2 did not finish`, with the name of a search before it."""
+    if progress.phase:
+        return f"{progress.done} of {progress.count} cases; {progress.phase}"
     text = f"{SEARCHES.get(progress.part.partition(' ')[0], '')}{progress.done} of {progress.count} cases"
     if progress.done < progress.count and math.isfinite(progress.left):
         text += f", {duration_text(progress.left)} left"
     text += f"; {progress.missed} fail{'s' * (progress.missed == 1)} a requirement"
-    text += f", {progress.failed} did not finish" * bool(progress.failed)
-    return text + "; tables and report follow" * (progress.done >= progress.count)
+    return text + f", {progress.failed} did not finish" * bool(progress.failed)
 
 
 def duration_text(seconds: float) -> str:

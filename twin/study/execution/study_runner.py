@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin import clock
-from twin.errors import ScenarioError, SimulationError, TwinError
+from twin.errors import SimulationError, TwinError
 from twin.installed import import_optional
 from twin.process import Stop, cores
 from twin.results import link_latest, run_folder, write_text
@@ -35,12 +35,14 @@ from twin.study.execution.worst_case_search import WorstCase, search_worst
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
+    from twin.study.answers import PlotSet
     from twin.study.execution.cluster import WorkerCluster
 
 COPY = "study.yaml"
 RUNNING = "running"
 REPORT_PERIOD = 15.0  # of reports while cases run, at least [s]
-REPORT_SHARE = 0.05  # of the time that they take, at most
+PLOTS_PERIOD = 60.0  # of their plots, which take most of the time, at least [s]
+REPORT_SHARE = 0.05  # of the time that each of both takes, at most
 
 
 @dataclass
@@ -61,27 +63,35 @@ class StudyOutcome:
 
 
 class ReportSoFar:
-    """Writes tables, manifest and report of the cases that are done, every `REPORT_PERIOD` or less often."""
+    """Writes tables, manifest and report of the cases that are done, every `REPORT_PERIOD` or less often.
+
+    The plots are those of `PLOTS_PERIOD` or less often.
+    """
 
     def __init__(self, outcome: StudyOutcome, journal: StudyJournal, manifest_data: dict[str, Any]) -> None:
         self.outcome, self.journal, self.manifest_data = outcome, journal, manifest_data
         self.begin = time.perf_counter()
-        self._due = self.begin + REPORT_PERIOD
+        self._due, self._plots_due = self.begin + REPORT_PERIOD, self.begin + PLOTS_PERIOD
+        self._plots: PlotSet | None = None
 
-    def update(self, requests: list[StudyRequest]) -> Path | None:
-        """Return the report if it was written now. OSError if it cannot be written."""
+    def update(self, requests: list[StudyRequest], *, is_last: bool = False) -> Path | None:
+        """Return the report if it was written now, as it is for the last case. OSError if it cannot be written."""
         begin = time.perf_counter()
-        if begin < self._due:
+        if begin < self._due and not is_last:
             return None
-        from twin.study.answers import PAGE, write_report
+        from twin.study.answers import PAGE, PlotSet, write_report
 
         cases = case_table.finished_cases(self.outcome.study, requests, self.journal)
         done = replace(self.outcome, cases=cases, status=RUNNING, seconds=begin - self.begin)
         write_tables(done, self.journal)
         manifest.write(done.folder, **{**self.manifest_data, **progress_entries(done)})
-        write_report(done)
+        write_report(done, self._plots or PlotSet())
         now = time.perf_counter()
         self._due = now + max(REPORT_PERIOD, (now - begin) / REPORT_SHARE)
+        if now >= self._plots_due and not is_last:
+            self._plots = write_report(done)
+            end = time.perf_counter()
+            self._plots_due = end + max(PLOTS_PERIOD, (end - now) / REPORT_SHARE)
         return done.folder / PAGE
 
 
@@ -111,10 +121,15 @@ class PendingCases:
             if row is None:
                 break
             self.journal.add(row)
-            if self.report is not None:
-                self.reporter.report = self.report.update(self.requests) or self.reporter.report
             self.reporter.take(row)
+            self.write_report()
         return [self.journal.rows[request.number] for request in wanted]
+
+    def write_report(self, *, is_last: bool = False) -> None:
+        """Write the report if it is due."""
+        if self.report is not None:
+            with self.stop.armed():
+                self.reporter.report = self.report.update(self.requests, is_last=is_last) or self.reporter.report
 
     def completed_row(self, request: StudyRequest) -> Row:
         """The row of a request that was run."""
@@ -132,6 +147,7 @@ def run_study(
     memory: int = 0,
     resume: Path | None = None,
     listen: Callable[[StudyProgress], object] = noop,
+    notify: Callable[[], object] = noop,
     command: str = "twin.study.run_study",
     report: bool = True,
 ) -> StudyOutcome:
@@ -139,11 +155,12 @@ def run_study(
 
     `workers`: processes on this machine, by default one per core; `scheduler`: address of a dask scheduler instead.
     `memory`: of each process [byte], by default an equal part of the machine's; `timeout`: of a case [s].
+    `notify`: called in the signal handler at once, for each Ctrl-C.
     """
     study = load_study(study) if isinstance(study, str | Path) else study
     start_time = time.perf_counter()
     workers = workers or cores()
-    with Stop() as stop, ExitStack() as stack:
+    with Stop(notify) as stop, ExitStack() as stack:
         folder, manifest_data = prepare_folder(study, root, resume, command)
         journal = stack.enter_context(StudyJournal(folder))
         engine = scheduler or f"{workers} process{'es' * (workers > 1)}"
@@ -151,20 +168,24 @@ def run_study(
             study, folder, case_table.finished_cases(study, [], journal), "completed", 0.0, engine=engine
         )
         outcome.before, requests = len(journal.rows), list[StudyRequest]()
+        reporter = ProgressReporter(journal, study.total, listen)
+        reporter.update("preparing the members")
         outcome.seconds_before = manifest_data.get("seconds", 0.0)
         outcome.runs = {
             int(number): run for number, run in manifest_data.get("runs", {}).items() if (folder / run).is_dir()
         }
         try:
             with stop.armed():
-                job = build_job(study, folder / manifest_data["frozen"], build)
+                job = build_job(study, folder / manifest_data["frozen"], build, reporter.update_build)
+            reporter.update(f"starting {engine}")
             with closing(
                 start_runner(job, study, scheduler, workers, memory or memory_of_each(workers), timeout)
             ) as runner:
                 so_far = ReportSoFar(outcome, journal, manifest_data) if report else None
-                cases = PendingCases(runner, journal, ProgressReporter(journal, expected(study), listen), stop, so_far)
+                cases = PendingCases(runner, journal, reporter, stop, so_far)
                 requests = cases.requests
                 run_parts(outcome, cases)
+                cases.write_report(is_last=True)
         except KeyboardInterrupt:
             outcome.status = "interrupted"
         except BrokenPipeError:
@@ -173,7 +194,7 @@ def run_study(
             raise SimulationError(unwritten(folder, len(journal.rows), error)) from error
         outcome.cases = case_table.finished_cases(study, requests or list(study.requests()), journal)
         outcome.seconds = time.perf_counter() - start_time
-        finish(outcome, journal, {**manifest_data, **progress_entries(outcome)}, build, stop, report)
+        finish(outcome, journal, {**manifest_data, **progress_entries(outcome)}, build, stop, report, reporter)
         outcome.seconds = time.perf_counter() - start_time
         seconds = outcome.seconds_before + outcome.seconds
         manifest.write(folder, **{**manifest.read(folder), "seconds": seconds})
@@ -184,19 +205,29 @@ def run_study(
 
 
 def finish(
-    outcome: StudyOutcome, journal: StudyJournal, manifest_data: dict[str, Any], build: Path, stop: Stop, report: bool
+    outcome: StudyOutcome,
+    journal: StudyJournal,
+    manifest_data: dict[str, Any],
+    build: Path,
+    stop: Stop,
+    report: bool,
+    reporter: ProgressReporter,
 ) -> None:
     """Write tables, manifest and report, and the runs that are kept; SimulationError if they cannot be written."""
     folder = outcome.folder
+    reporter.update("writing tables")
     try:
         write_tables(outcome, journal)
         manifest.write(folder, **manifest_data)
         if report:
-            if outcome.status == "completed":
-                keep_runs(outcome, build, stop)
-                manifest.write(folder, **{**manifest_data, "status": outcome.status, "runs": outcome.runs})
-            from twin.study.answers import write_report
+            from twin.study.answers import PlotSet, write_report
 
+            if outcome.status == "completed":
+                keep_runs(outcome, build, stop, reporter)
+                manifest.write(folder, **{**manifest_data, "status": outcome.status, "runs": outcome.runs})
+            if outcome.status != "completed":  # at once, since a second signal may end the process
+                write_report(outcome, PlotSet())
+            reporter.update("drawing the plots of the report")
             write_report(outcome)
     except OSError as error:
         raise SimulationError(unwritten(folder, len(journal.rows), error)) from error
@@ -223,10 +254,10 @@ def prepare_folder(study: Study, root: Path, resume: Path | None, command: str) 
     return folder, manifest_data
 
 
-def build_job(study: Study, frozen: Path, build: Path) -> Job:
+def build_job(study: Study, frozen: Path, build: Path, progress: Callable[[str, float], object] = noop) -> Job:
     """What a process has to know; what the members are made of is built."""
     used = [members.component_of(spec) for case in chosen(study) for spec in case.members.values()]
-    members.prebuild(used, Backend.compiled, build, noop)
+    members.prebuild(used, Backend.compiled, build, progress)
     bands = tuple((name, band.text) for name, band in study.bands.items())
     options, every = study.scenario.overrides, study.keys.keep.every
     return Job(frozen.resolve(), options, study.all_factors, bands, every, build.resolve())
@@ -244,11 +275,6 @@ def run_parts(outcome: StudyOutcome, cases: PendingCases) -> None:
         outcome.tuned = tune(study, cases, number)
 
 
-def expected(study: Study) -> int:
-    """Cases in all, as far as that is known before."""
-    return study.count + sum(searched_cases(study).values())
-
-
 def estimate_time(study: Study, *, build: Path, workers: int = 0) -> TimeEstimate:
     """Measure what a study will take: a process is started; here, members are built and three cases of each variant run."""
     begin = time.perf_counter()
@@ -263,21 +289,10 @@ def estimate_time(study: Study, *, build: Path, workers: int = 0) -> TimeEstimat
         rows = {variant: [engine.row(request) for request in own[1:] or own] for variant, own in requests.items()}
     seconds = {variant: sum(row.seconds for row in own) / len(own) for variant, own in rows.items()}
     counts = dict.fromkeys(study.variants, study.count // len(study.variants))
-    for search, count in searched_cases(study).items():
+    for search, count in study.searched_cases.items():
         counts[search or study.variants[0]] += count
     failures = [row.why for row in (*first, *(row for own in rows.values() for row in own)) if row.status != DONE]
     return TimeEstimate(counts, seconds, preparation, workers or cores(), tuple(dict.fromkeys(failures)))
-
-
-def searched_cases(study: Study) -> dict[str, int]:
-    """Number of cases of the searches by their variant; "": the study's first one."""
-    worst, tune, counts = study.keys.worst, study.keys.tune, dict[str, int]()
-    if worst is not None:
-        counts[worst.variant] = worst.evaluations
-    if tune is not None:
-        trials = (tune.trials + 1) * len(study.design.values) * len(study.seeds(1))
-        counts[tune.variant] = counts.get(tune.variant, 0) + trials
-    return counts
 
 
 def chosen(study: Study) -> list[Case]:
@@ -345,14 +360,16 @@ def write_tables(outcome: StudyOutcome, journal: StudyJournal) -> None:
         case_table.write_bands(outcome.folder, list(outcome.study.bands), journal)
 
 
-def keep_runs(outcome: StudyOutcome, build: Path, stop: Stop) -> None:
+def keep_runs(outcome: StudyOutcome, build: Path, stop: Stop, reporter: ProgressReporter) -> None:
     """Run those cases again with all their signals that are worth looking at: the bits are the same."""
     from twin.study.answers import noteworthy
     from twin.study.execution.stored_case import repeat
 
-    for number in noteworthy(outcome.cases, outcome.study.keys.keep):
+    wanted = noteworthy(outcome.cases, outcome.study.keys.keep)
+    for k, number in enumerate(wanted, 1):
         if number in outcome.runs:  # of a study that goes on
             continue
+        reporter.update(f"keeping case {number} ({k} of {len(wanted)})")
         if stop.number:
             outcome.status = "interrupted"
             return
@@ -365,16 +382,3 @@ def keep_runs(outcome: StudyOutcome, build: Path, stop: Stop) -> None:
             shutil.rmtree(again.folder, ignore_errors=True)
             return
         outcome.runs[number] = str(again.folder.relative_to(outcome.folder))
-
-
-def is_complete(study: Study, folder: Path) -> bool:
-    """Whether a run of a study is complete; ScenarioError if what it is made from has changed since."""
-    return bool(manifest.refuse_changed(folder, manifest.inputs(study))["status"] == "completed")
-
-
-def latest(root: Path, name: str) -> Path:
-    """The newest folder of a study. ScenarioError if there is none."""
-    folders = manifest.study_folders(root / name, manifest.NAME)
-    if not folders:
-        raise ScenarioError(f"{root / name}: there is no study to go on with. Run it without --resume first.")
-    return folders[-1]
