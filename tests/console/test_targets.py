@@ -40,6 +40,17 @@ def test_score_counts_from_the_first_command():
     )
 
 
+def test_the_path_is_that_of_its_own_signal():
+    """A projection of the motion is shorter than the net path; after the end nothing is next."""
+    time, along = np.arange(4.0), np.array([20.0, 60.0, 120.0, 100.0])
+    seen = np.stack([0.1 * along, 0.9 * along], axis=1)  # of a motion that also goes toward the eye
+    goals = TARGETS | {"points": {"near": [6.0, 54.0], "far": [90.0, 0.0]}, "path": "tip.location"}
+    now = score(time, seen, goals, 0.0, along)
+    assert now == Score({"near": 1.0}, 120.0, 3.0)
+    assert score(time, seen, goals, 0.0).path < now.path
+    assert text(now, goals, 1.0, "mm", "tip", has_ended=True) == "Tip: 1 of 2 targets; 3.0 s, path length 120 mm"
+
+
 def test_a_single_number_is_a_signal_too():
     now = score(np.array([0.0, 1.0]), np.array([0.0, 2.0]), TARGETS | {"points": {"near": [2.0]}}, 0.0)
     assert now == Score({"near": 1.0}, 2.0, 1.0, 1.0)
@@ -69,10 +80,10 @@ def test_an_operator_has_to_reach_all_targets_without_a_warning():
     assert (operation["targets"]["reached"], operation["targets"]["missed"]) == ({"near": 0.5}, ["far"])
     (warning,) = operation["warnings"]
     assert (warning["limit"], warning["maximum"], warning["duration"], warning["unit"]) == (0.5, 0.7, 0.5, "N")
-    score_line = "1 of 2 targets, next: far; 1.0 s, path length 2 mm"
+    score_line = "1 of 2 targets; 1.0 s, path length 2 mm"
     shown = "for 0.5 s; at most 0.7 N, limit 0.5 N"
     assert [tuple(vars(each).values())[:3] for each in operator_requirements(operation)] == [
-        ("All 2 targets reached", "fail", score_line),
+        ("All 2 targets reached", "fail", f"{score_line}; near at 0.5 s"),
         ("No warning: high force", "fail", shown),
     ]
     assert operation_text(operation) == f"{score_line}; high force {shown.replace(';', ',')}"
@@ -108,6 +119,10 @@ def test_units():
         (
             "targets: {signal: heart.position, tolerance: 0 mm, points: {a: 1 mm}}",
             "tolerance: expected a distance above zero.",
+        ),
+        (
+            "targets: {signal: heart.position, tolerance: 1 mm, points: {a: 1 mm}, path: wall.force}",
+            "wall.force: is in N. Its travel is a path in m.",
         ),
         ("targets: {signal: heart.place, tolerance: 1 mm, points: {a: 1 mm}}", "heart has no variable `place`."),
         ("targets: {signal: heart.position, tolerance: 1 N, points: {a: 1 mm}}", "`1 N` does not convert to m."),

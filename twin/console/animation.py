@@ -64,7 +64,9 @@ class Picture(Element, component="static/picture.js"):
         controls: Sequence[CatalogControl] = (),
     ) -> None:
         super().__init__()
-        keys = [{"input": each.input, "label": each.label, "keys": each.keys} for each in controls if len(each.keys) == 2]
+        keys = [
+            {"input": each.input, "label": each.label, "keys": each.keys} for each in controls if len(each.keys) == 2
+        ]
         self._props.update(views=views, warnings=list(warnings), controls=keys, reached=[])
 
     def show_reached(self, names: list[str]) -> None:

@@ -32,7 +32,9 @@ def first_panes(catalog: Catalog, curves: SessionCurves) -> list[web.Pane]:
             continue
         labels = [catalog.labels.get(name, name) for name in shown]
         keys = labels if len(set(labels)) == len(labels) else shown  # an instrument has one color in all panes
-        drawn = [_curve(curves, name, colors.setdefault(key, len(colors))) for name, key in zip(shown, keys, strict=True)]
+        drawn = [
+            _curve(curves, name, colors.setdefault(key, len(colors))) for name, key in zip(shown, keys, strict=True)
+        ]
         panes.append(web.Pane(title, _unit(curves, shown[0]) or unit, drawn))
         signal = curves.signals[shown[0]]
         if title in catalog.bands:
@@ -50,8 +52,8 @@ def first_panes(catalog: Catalog, curves: SessionCurves) -> list[web.Pane]:
 def warning_limits(catalog: Catalog, curves: SessionCurves, shown: list[str]) -> list[dict[str, Any]]:
     """Return the limits of the warnings of shown signals, in display units."""
     warnings = [(curves.signals[each["signal"]], each) for each in catalog.warnings if each["signal"] in shown]
-    sides = {signal.display_unit: ("above", "below") if signal.unit == "N" else ("above",) for signal, _ in warnings}
-    edges = [(signal, each[key]) for signal, each in warnings for key in sides[signal.display_unit] if key in each]
+    edges = [(signal, each["above"]) for signal, each in warnings]
+    edges += [(signal, each["below"]) for signal, each in warnings if signal.unit == "N" and "below" in each]
     return [
         {"y": signal.factor * edge + signal.offset, "from": catalog.start, "to": FOREVER, "failed": True, "warns": True}
         for signal, edge in edges

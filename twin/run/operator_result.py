@@ -254,7 +254,10 @@ def operator_requirements(operation: Mapping[str, Any]) -> list[ExpectationResul
     results = []
     if targets is not None:
         count = len(targets["reached"]) + len(targets["missed"])
-        name, detail = f"All {count} targets reached", "; ".join(filter(None, [targets["detail"], reached_text(targets["reached"])]))
+        name, detail = (
+            f"All {count} targets reached",
+            "; ".join(filter(None, [targets["detail"], reached_text(targets["reached"])])),
+        )
         results.append(ExpectationResult(name, "fail" if targets["missed"] else "pass", detail))
     for warning in operation.get("warnings", ()):
         verdict = "fail" if warning["duration"] else "pass"

@@ -79,7 +79,7 @@ class Picture {
       const mesh = this.add(capOf(diameter), this.material("--tissue", { side: THREE.DoubleSide, transparent: true, opacity: 0.8 }));
       mesh.quaternion.setFromUnitVectors(AXES.y, new THREE.Vector3(...normal));
       mesh.label = this.name(label);
-      mesh.rim = new THREE.Vector3(...normal).cross(AXES.x).length() > 0.5 ? AXES.x : AXES.y;
+      mesh.rim = Math.abs(normal[1]) > 0.5 ? AXES.x : AXES.y;
       return mesh;
     });
     this.forces = forces.map(() => {
@@ -125,7 +125,7 @@ class Picture {
     });
     this.points.forEach((mesh, k) => this.place(mesh, frame.points[k]));
     this.surfaces.forEach((mesh, k) => {
-      if (this.place(mesh, frame.surfaces[k])) mesh.label.position.addScaledVector(mesh.rim, 0.3 * this.fixed.surfaces[k].diameter);
+      if (this.place(mesh, frame.surfaces[k])) mesh.label.position.addScaledVector(mesh.rim, 0.5 * this.fixed.surfaces[k].diameter);
     });
     if (!this.quarter && this.canvas.clientWidth) this.reset();
     this.shapes();
