@@ -215,7 +215,7 @@ def test_the_loop_stops_when_the_server_is_killed(tmp_path, build):
 
 
 def test_a_session_that_is_over_says_so_beside_its_controls(tmp_path, build, browser):  # noqa: F811
-    """Also what it said of a late answer is gone, and the list has the reason of each end of a motion."""
+    """The list has the reason of each end of a motion; without drives it covers nothing, since it stands beside the controls."""
     with console(CARRIAGE, "--variant", "quiet", runs=tmp_path, build=build) as served:
         page = browser.new_page()
         page.goto(served.address, wait_until="commit")
@@ -228,7 +228,8 @@ def test_a_session_that_is_over_says_so_beside_its_controls(tmp_path, build, bro
             LOSSES["stuck"](page)
             watcher.hear(lambda told: not told.get("held"))
         page.wait_for_selector(".twin-done >> text=released by the dead-man switch")
-        page.wait_for_function("document.querySelector('#twin-message').textContent.includes('at rest')")
+        page.get_by_text("Stopped by the dead-man switch. Release and hold again.").wait_for()
+        assert page.text_content("#twin-message") == ""
         page.click("#twin-stop")
         page.get_by_text("The session is over: controls have no effect.").wait_for()
         assert page.locator(".twin-control .way").first.is_disabled()

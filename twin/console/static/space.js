@@ -10,7 +10,7 @@ const ROOM = 0.84;                // part of the picture that the scene fills
 const THIN = 1.3, WIDER = 0.3;    // smallest radius of a line [px], and what its width adds [px/mm]: one in another is seen
 const DOT = 5;                    // smallest radius of a point [px]
 const SHAFT = 2, HEAD = [16, 6];  // arrow: radius of its shaft, length and radius of its head [px]
-const ABOVE = [0.5, 1.6], BELOW = [0.5, -0.6], SIDES = [ABOVE, BELOW, [-0.15, 0.5], [1.15, 0.5], [0.5, 2.6], [0.5, -1.6]];  // of labels, as parts of their size
+const ABOVE = [0.5, 1.6], BELOW = [0.5, -0.6], SIDES = [ABOVE, BELOW, [-0.15, 0.5], [1.15, 0.5], [0.5, 2.9], [0.5, -1.9]];  // of labels, as parts of their size
 const LINES = ["--line-0", "--line-1", "--ink", "--line-3"];  // the first curves of charts: catheter, then guidewire
 const ROUND = 2;                  // pieces of a tube from point to point
 const STEPS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];  // of the scale bar [mm]
