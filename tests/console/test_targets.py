@@ -1,5 +1,7 @@
 """Targets of an operator: their score, and what a scenario may say of them and of warnings."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -7,13 +9,15 @@ from tests.every_case import every_case
 
 pytest.importorskip("nicegui")
 
+from twin.component import catalog as components
 from twin.console.websocket import plain
 from twin.errors import ScenarioError
 from twin.results import Signals
 from twin.run import Score, first_motion, resolve_catalogs, score
 from twin.run import score_text as text
-from twin.scenario import parse_scenario, resolve_targets, resolve_warning
+from twin.scenario import lint, parse_scenario, resolve_targets, resolve_warning
 
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 TARGETS = {"signal": "tip.position", "tolerance": 1.0, "points": {"near": [3.0, 0.0], "far": [3.0, 4.0]}}
 HEAD = "stop_time: 1 s\nmembers: {heart: {component: heart}, wall: {component: wall}}\nconsole: "
 
@@ -49,6 +53,21 @@ def test_the_path_is_that_of_its_own_signal():
     assert now == Score({"near": 1.0}, 120.0, 3.0)
     assert score(time, seen, goals, 0.0).path < now.path
     assert text(now, goals, 1.0, "mm", "tip", has_ended=True) == "Tip: 1 of 2 targets; 3.0 s, path length 120 mm"
+
+
+def test_the_path_in_the_shipped_vessel_is_not_shorter_than_the_net_path():
+    """As the fluoroscope shows it, 164 mm are 162: the picture shortens the way to the arch."""
+    seen, along, model = [], [], components.component("fluoroscope")()
+    model.initialize()
+    for model.catheter_travel in np.linspace(0.0, 0.164, 206):
+        model.step(0.0, 0.08)
+        seen.append(np.array(model.catheter_tip))
+        along.append(model.catheter_location)
+    rows = np.arange(206.0), np.array(seen), TARGETS, 0.0
+    assert score(*rows, np.array(along)).path == pytest.approx(0.164)
+    assert score(*rows).path == pytest.approx(0.1625, abs=1e-4)
+    scenario, _ = lint(SCENARIOS / "vessel_teleoperation.yaml", imports=False)
+    assert scenario.console_targets.signals == ("fluoroscope.catheter_tip", "fluoroscope.catheter_location")
 
 
 def test_a_single_number_is_a_signal_too():
