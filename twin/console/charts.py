@@ -32,10 +32,10 @@ def first_panes(catalog: Catalog, curves: SessionCurves) -> list[web.Pane]:
             continue
         labels = [catalog.labels.get(name, name) for name in shown]
         keys = labels if len(set(labels)) == len(labels) else shown  # an instrument has one color in all panes
-        drawn = [
+        pane_curves = [
             _curve(curves, name, colors.setdefault(key, len(colors))) for name, key in zip(shown, keys, strict=True)
         ]
-        panes.append(web.Pane(title, _unit(curves, shown[0]) or unit, drawn))
+        panes.append(web.Pane(title, _unit(curves, shown[0]) or unit, pane_curves))
         signal = curves.signals[shown[0]]
         if title in catalog.bands:
             low, high = (signal.factor * edge + signal.offset for edge in catalog.bands[title])
