@@ -87,6 +87,7 @@ def test_the_first_panes_of_a_chart():
     """Those of the scenario's plots, with bands in display units; else the first two outputs."""
     curves = SessionCurves(Setting().live)
     catalog = SimpleNamespace(
+        labels={},
         plots=(
             ("One", "m", ("a.x", "a.gone", "b.n")),
             ("None", "m", ("a.gone",)),
@@ -106,22 +107,25 @@ def test_the_first_panes_of_a_chart():
         ("Three", "mm", None),
     ]
     assert [pane.lines for pane in panes] == [[1.5], [], []]
-    assert [[limit["y"] for limit in pane.limits] for pane in panes] == [[3.0, -3.0], [], [3.0, -3.0]]  # of warnings
+    assert [[limit["y"] for limit in pane.limits] for pane in panes] == [[3.0], [], [3.0]]  # a force has two
     assert [[(curve.name, curve.color, curve.step) for curve in pane.curves] for pane in panes] == [
         [("a.x", 0, False), ("b.n", 1, True)],
         [("b.n", 1, True)],
         [("a.x", 0, False)],  # the same signal, the same color
     ]
-    many = SimpleNamespace(
-        plots=(("One", "m", ("a.x",) * 7), ("Two", "m", ("b.n",) * 3)), bands={}, lines={}, warnings=(), start=0.0
-    )
+    none = {"bands": {}, "lines": {}, "warnings": (), "start": 0.0}
+    many = SimpleNamespace(plots=(("One", "m", ("a.x",) * 7), ("Two", "m", ("b.n",) * 3)), labels={}, **none)
     assert [len(pane.curves) for pane in charts.first_panes(many, curves)] == [7, 1]
-    own = charts.first_panes(SimpleNamespace(plots=(), bands={}, lines={}, warnings=(), start=0.0), curves)
+    own = charts.first_panes(SimpleNamespace(plots=(), labels={}, **none), curves)
     assert [(pane.unit, [(curve.name, curve.color) for curve in pane.curves]) for pane in own] == [
         ("mm", [("a.x", 0)]),
         ("m", [("a.m[1,1]", 1)]),
     ]
     assert isinstance(own[0], web.Pane)
+    plots = (("Speeds", "m", ("b.n", "a.x")), ("Force", "N", ("a.m[1,1]",)), ("Tips", "m", ("a.m[1,2]", "a.m[2,1]")))
+    labels = {"b.n": "catheter", "a.x": "guidewire", "a.m[1,2]": "catheter", "a.m[2,1]": "guidewire"}
+    panes = charts.first_panes(SimpleNamespace(plots=plots, labels=labels, **none), curves)
+    assert [[curve.color for curve in pane.curves] for pane in panes] == [[0, 1], [2], [0, 1]]  # of an instrument
 
 
 def test_labels_of_commands():

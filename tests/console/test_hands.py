@@ -175,6 +175,28 @@ def test_it_stays_at_rest_until_it_is_pressed_anew(served, page):
         press(page, watcher)
 
 
+def test_a_key_that_is_held_and_moves_nothing_says_so_until_it_is_released(served, page):
+    """After the page had no server for a while, and after it lost the focus: then the keyboard repeats the key."""
+    note = page.locator(".twin-hands p[role=status]")
+    with served.wire() as watcher:
+        press(page, watcher)
+        page.context.set_offline(True)
+        watcher.hear(lambda told: not told.get("held"))
+        page.context.set_offline(False)
+        page.get_by_text("Stopped. Release and hold again.").wait_for()
+        page.wait_for_timeout(1000)
+        assert note.text_content() == "Stopped. Release and hold again."
+        page.keyboard.up("ArrowUp")
+        page.get_by_text("Motion lasts while you hold a control.").wait_for()
+        press(page, watcher)
+        page.evaluate("window.dispatchEvent(new Event('blur'))")
+        watcher.hear(lambda told: not told.get("held"))
+        page.keyboard.down("ArrowUp")  # as the repetition of a key that is down
+        page.get_by_text("Stopped. Release and hold again.").wait_for()
+        page.keyboard.up("ArrowUp")
+        page.get_by_text("Motion lasts while you hold a control.").wait_for()
+
+
 def test_the_loop_stops_when_the_server_is_killed(tmp_path, build):
     with console(CARRIAGE, "--variant", "quiet", runs=tmp_path / "runs", build=build) as served:
         with served.wire() as wire:
@@ -193,7 +215,7 @@ def test_the_loop_stops_when_the_server_is_killed(tmp_path, build):
 
 
 def test_a_session_that_is_over_says_so_beside_its_controls(tmp_path, build, browser):  # noqa: F811
-    """Also what it said of a late answer is gone, and the list has the reason of each end of a motion."""
+    """The list has the reason of each end of a motion; without drives it covers nothing, since it stands beside the controls."""
     with console(CARRIAGE, "--variant", "quiet", runs=tmp_path, build=build) as served:
         page = browser.new_page()
         page.goto(served.address, wait_until="commit")
@@ -206,7 +228,8 @@ def test_a_session_that_is_over_says_so_beside_its_controls(tmp_path, build, bro
             LOSSES["stuck"](page)
             watcher.hear(lambda told: not told.get("held"))
         page.wait_for_selector(".twin-done >> text=released by the dead-man switch")
-        page.wait_for_function("document.querySelector('#twin-message').textContent.includes('at rest')")
+        page.get_by_text("Stopped by the dead-man switch. Release and hold again.").wait_for()
+        assert page.text_content("#twin-message") == ""
         page.click("#twin-stop")
         page.get_by_text("The session is over: controls have no effect.").wait_for()
         assert page.locator(".twin-control .way").first.is_disabled()

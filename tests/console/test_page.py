@@ -87,28 +87,66 @@ def test_forces_say_whether_they_are_measured_and_charts_at_what_time(page):
     assert float(re.search(r" at ([\d.]+) s$", title)[1]) == pytest.approx(newest, abs=0.01)
 
 
-def test_names_in_a_vessel_cover_no_other(page):
-    """On a telephone, where letters are large: tips beside each other, targets beside each other and at the edge."""
-    overlaps, outside = page.evaluate(
+@pytest.mark.parametrize(("width", "size"), [("330px", "17px"), ("600px", "18px")])
+def test_names_in_a_vessel_cover_no_other(page, width, size):
+    """Nor a target: tips beside each other, targets beside each other and at the edge; on a telephone the part around the tips.
+
+    Tips and instruments have one color, and the distances are read beside the force, also in three dimensions.
+    """
+    overlaps, outside, part, drawn, colors, read = page.evaluate(
         """async () => {
           const { drawViews } = await import("/web/views.js");
-          const signals = { vessel: "v", catheter: "c", wire: "w", catheter_tip: "ct", wire_tip: "wt" };
+          const signals = { vessel: "v", catheter: "c", wire: "w", catheter_tip: "ct", wire_tip: "wt", catheter_location: "cl", wire_location: "wl" };
           const targets = ["iliac artery", "abdominal aorta", "arch of the aorta"].map((name, k) => ({ name, at: [[0.1, 0.2, 0.5][k], 0.02], tolerance: 0.005 }));
           const place = document.body.appendChild(document.createElement("div"));
           place.className = "twin-views";
-          place.style.width = "330px";
+          place.style.width = "WIDTH";
           const move = drawViews(place, [{ view: "vessel", title: "", targets, limits: {}, parts: [{ kind: "fluoroscope", signals, sizes: {} }] }]);
-          place.querySelectorAll("text").forEach((text) => (text.style.fontSize = "30px"));
-          move({ v: [[0, 0], [0.5, 0], [0.5, 0.06], [0, 0.06]], c: [[0, 0.02], [0.05, 0.02]], w: [[0, 0.02], [0.06, 0.02]], ct: [0.05, 0.02], wt: [0.06, 0.02] });
-          const boxes = [...place.querySelectorAll("text")].filter((one) => one.textContent !== "50 mm").map((one) => [one.textContent, one.getBBox()]);
-          const wide = place.querySelector("svg").viewBox.baseVal.width;
+          place.querySelectorAll("text").forEach((text) => (text.style.fontSize = "SIZE"));
+          move({ v: [[0, 0], [0.5, 0], [0.5, 0.06], [0, 0.06]], c: [[0, 0.02], [0.05, 0.02]], w: [[0, 0.02], [0.06, 0.02]], ct: [0.05, 0.02], wt: [0.06, 0.02], cl: 0.05, wl: 0.06 });
+          const shown = [...place.querySelectorAll("text")].filter((one) => one.textContent !== "50 mm" && getComputedStyle(one).visibility !== "hidden");
+          const marks = [...place.querySelectorAll("circle.target")].map((one) => ["target", one.getBBox()]);
+          const boxes = [...marks, ...shown.map((one) => [one.textContent, one.getBBox()])], { x: left, width } = place.querySelector("svg:not(.twin-gauge)").viewBox.baseVal;
+          const drawn = shown.map((one) => one.textContent), colors = ["catheter", "guidewire"].map((name, k) => getComputedStyle(place.querySelectorAll("circle.tip")[k]).fill === getComputedStyle(place.querySelector(`polyline.${name}`)).stroke);
+          const read = place.querySelector(".twin-readings").textContent;
           place.remove();
           const apart = (a, b) => a.x + a.width <= b.x || b.x + b.width <= a.x || a.y + a.height <= b.y || b.y + b.height <= a.y;
           return [boxes.flatMap(([name, a], k) => boxes.slice(k + 1).filter(([, b]) => !apart(a, b)).map(([other]) => [name, other])),
-                  boxes.filter(([, a]) => a.x < 0 || a.x + a.width > wide).map(([name]) => name)];
-        }"""
+                  boxes.filter(([name, a]) => name !== "target" && (a.x < left || a.x + a.width > left + width)).map(([name]) => name), width, drawn, colors, read];
+        }""".replace("WIDTH", width).replace("SIZE", size)
     )
     assert (overlaps, outside) == ([], [])
+    assert (part, "arch of the aorta" in drawn) == ((460, False) if size == "17px" else (1000, True))
+    assert (colors, read) == ([True, True], "catheter 50.0 mmguidewire 60.0 mm from the entry")
+
+
+def test_a_scene_has_a_legend_and_a_warning_a_remedy(page):
+    """The key is that of the instrument that moved last, of those that the warning names."""
+    legend, remedies, said = page.evaluate(
+        """async () => {
+          const { drawViews } = await import("/web/views.js");
+          const named = (label) => ({ signal: label, label, at: "at", width: 1 });
+          const scene = { walls: [{ closed: true, points: [0, 0, 1, 1], thickness: 1 }], lines: [named("catheter")], points: [], arrows: [named("contact forces")], axes: [0, 1], motions: {} };
+          const place = document.createElement("div");
+          drawViews(place, [{ view: "scene", title: "", scene, parts: [{ kind: "scene", signals: {}, sizes: {} }] }]);
+          const { remedy } = (await import("/console/picture.js")).default.methods;
+          const controls = [{ input: "c", label: "catheter", keys: ["ArrowUp", "ArrowDown"] }, { input: "w", label: "guidewire", keys: ["KeyW", "KeyS"] }];
+          const of = (text, moved) => remedy.call({ controls, moved }, text);
+          const { say } = (await import("/console/presence.js")).default.methods, below = document.getElementById("twin-message");
+          const told = (hardware, text) => { say.call({ hardware }, null, text); return below.textContent; };
+          const late = "hand: at rest. Release and press again.", said = [told(false, late), told(true, late), told(false, "refused")];
+          told(false, "");
+          return [[...place.querySelectorAll(".twin-readings span")].map((one) => one.textContent),
+                  [of("high force", {}), of("high force", { c: [1, 1], w: [2, 1] }), of("the catheter buckles", { c: [1, 0], w: [2, 1] })], said];
+        }"""
+    )
+    assert legend == ["catheter", "contact forces", "wall"]
+    assert remedies == ["", ": guidewire back with S", ": catheter back with ↑"]
+    assert said == [
+        "",
+        "hand: at rest. Release and press again.",
+        "refused",
+    ]  # without drives the first stands beside the controls
 
 
 def test_figures_of_two_carriages_do_not_cover_each_other(page):

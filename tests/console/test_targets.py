@@ -1,5 +1,7 @@
 """Targets of an operator: their score, and what a scenario may say of them and of warnings."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -7,13 +9,15 @@ from tests.every_case import every_case
 
 pytest.importorskip("nicegui")
 
+from twin.component import catalog as components
 from twin.console.websocket import plain
 from twin.errors import ScenarioError
 from twin.results import Signals
 from twin.run import Score, first_motion, resolve_catalogs, score
 from twin.run import score_text as text
-from twin.scenario import parse_scenario, resolve_targets, resolve_warning
+from twin.scenario import lint, parse_scenario, resolve_targets, resolve_warning
 
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 TARGETS = {"signal": "tip.position", "tolerance": 1.0, "points": {"near": [3.0, 0.0], "far": [3.0, 4.0]}}
 HEAD = "stop_time: 1 s\nmembers: {heart: {component: heart}, wall: {component: wall}}\nconsole: "
 
@@ -38,6 +42,32 @@ def test_score_counts_from_the_first_command():
     assert (
         text(Score({}), TARGETS, 1e3, "mm", "catheter's tip") == f"Catheter's tip: 0 of 2 targets, next: near; {begin}"
     )
+
+
+def test_the_path_is_that_of_its_own_signal():
+    """A projection of the motion is shorter than the net path; after the end nothing is next."""
+    time, along = np.arange(4.0), np.array([20.0, 60.0, 120.0, 100.0])
+    seen = np.stack([0.1 * along, 0.9 * along], axis=1)  # of a motion that also goes toward the eye
+    goals = TARGETS | {"points": {"near": [6.0, 54.0], "far": [90.0, 0.0]}, "path": "tip.location"}
+    now = score(time, seen, goals, 0.0, along)
+    assert now == Score({"near": 1.0}, 120.0, 3.0)
+    assert score(time, seen, goals, 0.0).path < now.path
+    assert text(now, goals, 1.0, "mm", "tip", has_ended=True) == "Tip: 1 of 2 targets; 3.0 s, path length 120 mm"
+
+
+def test_the_path_in_the_shipped_vessel_is_not_shorter_than_the_net_path():
+    """As the fluoroscope shows it, 164 mm are 162: the picture shortens the way to the arch."""
+    seen, along, model = [], [], components.component("fluoroscope")()
+    model.initialize()
+    for model.catheter_travel in np.linspace(0.0, 0.164, 206):
+        model.step(0.0, 0.08)
+        seen.append(np.array(model.catheter_tip))
+        along.append(model.catheter_location)
+    rows = np.arange(206.0), np.array(seen), TARGETS, 0.0
+    assert score(*rows, np.array(along)).path == pytest.approx(0.164)
+    assert score(*rows).path == pytest.approx(0.1625, abs=1e-4)
+    scenario, _ = lint(SCENARIOS / "vessel_teleoperation.yaml", imports=False)
+    assert scenario.console_targets.signals == ("fluoroscope.catheter_tip", "fluoroscope.catheter_location")
 
 
 def test_a_single_number_is_a_signal_too():
@@ -69,10 +99,10 @@ def test_an_operator_has_to_reach_all_targets_without_a_warning():
     assert (operation["targets"]["reached"], operation["targets"]["missed"]) == ({"near": 0.5}, ["far"])
     (warning,) = operation["warnings"]
     assert (warning["limit"], warning["maximum"], warning["duration"], warning["unit"]) == (0.5, 0.7, 0.5, "N")
-    score_line = "1 of 2 targets, next: far; 1.0 s, path length 2 mm"
+    score_line = "1 of 2 targets; 1.0 s, path length 2 mm"
     shown = "for 0.5 s; at most 0.7 N, limit 0.5 N"
     assert [tuple(vars(each).values())[:3] for each in operator_requirements(operation)] == [
-        ("All 2 targets reached", "fail", score_line),
+        ("All 2 targets reached", "fail", f"{score_line}; near at 0.5 s"),
         ("No warning: high force", "fail", shown),
     ]
     assert operation_text(operation) == f"{score_line}; high force {shown.replace(';', ',')}"
@@ -108,6 +138,10 @@ def test_units():
         (
             "targets: {signal: heart.position, tolerance: 0 mm, points: {a: 1 mm}}",
             "tolerance: expected a distance above zero.",
+        ),
+        (
+            "targets: {signal: heart.position, tolerance: 1 mm, points: {a: 1 mm}, path: wall.force}",
+            "wall.force: is in N. Its travel is a path in m.",
         ),
         ("targets: {signal: heart.place, tolerance: 1 mm, points: {a: 1 mm}}", "heart has no variable `place`."),
         ("targets: {signal: heart.position, tolerance: 1 N, points: {a: 1 mm}}", "`1 N` does not convert to m."),

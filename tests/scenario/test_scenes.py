@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
+
+import numpy as np
+import pytest
 
 from tests.every_case import every_case
 from tests.scenario.texts import problems, variable
 from twin.results import Window
-from twin.scenario import parse_scenario
+from twin.scenario import lint, parse_scenario
 from twin.scenario.keys.scene_keys import check_arrays, fits, problem, shape, sized
+from twin.scene import SpaceView
 
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 KNOWN = {
     "a": {
         one.name: one
@@ -156,3 +162,37 @@ def test_arrays_of_a_scene_are_checked_in_its_variants() -> None:
     assert list(check_arrays(scenario, {"A": without, "B": KNOWN})) == []
     (line,) = check_arrays(scenario, {"A": KNOWN, "B": without})
     assert line.startswith("s.yaml:6: scene `all`: points: a has no variable `point`.")
+
+
+@pytest.mark.parametrize("name", ["in_vivo_navigation", "vessel_teleoperation"])
+def test_an_operator_sees_the_same_in_two_and_three_dimensions(name: str) -> None:
+    """All targets, and the instruments in the order of the charts, so that each has one color."""
+    scenario, _ = lint(SCENARIOS / f"{name}.yaml", imports=False)
+    assert scenario.console_targets is not None
+    (space,) = [scene.space for scene in scenario.scenes if scene.space is not None]
+    assert [target for target, _ in space.targets] == list(scenario.console_targets.points)
+    instruments = ["catheter", "guidewire"]
+    assert [line.label for line in space.lines] == instruments
+    plotted = [[curve.label for curve in plot.curves] for plot in scenario.plots]
+    assert plotted.count(instruments) >= 2
+    assert all(labels == instruments for labels in plotted if "guidewire" in labels)
+
+
+@pytest.mark.parametrize(("name", "root"), [("heart_wall_force", "sheath"), ("rig_on_wall", "catheter.instrument")])
+def test_the_tip_touches_the_middle_of_the_wall(name: str, root: str) -> None:
+    """In contact the surface is nearer to the tip's center than its radius; the force points away from it."""
+    scenario, _ = lint(SCENARIOS / f"{name}.yaml", imports=False)
+    (space,) = [scene.space for scene in scenario.scenes if scene.space is not None]
+    tip, radius, bent, indentation = np.array([[0.1, -0.018, 0.29]]), 1.33e-3, 0.018, 1e-3
+    values = {each: np.zeros(1) for each in space.names} | {"tip.tip_position": tip, "wall.force": np.array([0.2])}
+    values |= {"wall.surface_position": np.array([-0.0183]), "wall.tip_radius": np.array([radius])}
+    values |= {"wall.displacement": np.array([-bent]), f"{root}.tip_position": np.array([bent + indentation - 0.0183])}
+    for line in space.lines:
+        values |= {
+            signal.name: np.repeat(tip[:, None], 3, axis=1) for signal in (line.signal.signals if line.signal else ())
+        }
+    moving = SpaceView(space, (), (), {}).positions(values, 1)
+    offset = moving.surfaces[0][0] - tip[0]
+    assert offset == pytest.approx([0.0, 0.0, radius - indentation])
+    ((_, force),) = moving.forces
+    assert force[0] == pytest.approx([0.0, 0.0, -0.2])

@@ -15,7 +15,7 @@ from twin.results import si_conversion
 
 if TYPE_CHECKING:
     from twin.console.page import PageContext
-    from twin.live import Catalog
+    from twin.live import Catalog, CatalogControl
 
 FLAT = -1  # number of the picture in two dimensions
 NO_WEBGL = "3-D is not available: this browser has no WebGL."
@@ -52,11 +52,22 @@ def convert(value: Any, scale: tuple[float, float]) -> Any:
 
 
 class Picture(Element, component="static/picture.js"):
-    """The animation on a page, with warnings of the scenario and targets of the operator."""
+    """The animation on a page, with warnings of the scenario and targets of the operator.
 
-    def __init__(self, views: list[dict[str, Any]], warnings: Sequence[Mapping[str, Any]] = ()) -> None:
+    A warning says which of the `controls` with keys has to move back.
+    """
+
+    def __init__(
+        self,
+        views: list[dict[str, Any]],
+        warnings: Sequence[Mapping[str, Any]] = (),
+        controls: Sequence[CatalogControl] = (),
+    ) -> None:
         super().__init__()
-        self._props.update(views=views, warnings=list(warnings), reached=[])
+        keys = [
+            {"input": each.input, "label": each.label, "keys": each.keys} for each in controls if len(each.keys) == 2
+        ]
+        self._props.update(views=views, warnings=list(warnings), controls=keys, reached=[])
 
     def show_reached(self, names: list[str]) -> None:
         """Mark targets as reached."""
@@ -84,7 +95,7 @@ class Pictures:
             self.toggle.visible = len(options) > 1
             self.note = ui.label(NO_WEBGL).classes("twin-soft").props("role=status")
             self.note.visible = False
-        self.picture = Picture(views, catalog.warnings)  # warns in three dimensions too
+        self.picture = Picture(views, catalog.warnings, catalog.controls)  # warns in three dimensions too
         self.container = ui.element("div").classes("full-width")
         self.show(number)
 

@@ -30,20 +30,19 @@ def first_panes(catalog: Catalog, curves: SessionCurves) -> list[web.Pane]:
         shown = [name for name in names if name in curves.signals][: FIRST_CURVES - color]
         if not shown or len(panes) == FIRST_PANES:
             continue
-        panes.append(
-            web.Pane(
-                title,
-                _unit(curves, shown[0]) or unit,
-                [_curve(curves, name, colors.setdefault(name, len(colors))) for name in shown],
-            )
-        )
+        labels = [catalog.labels.get(name, name) for name in shown]
+        keys = labels if len(set(labels)) == len(labels) else shown  # an instrument has one color in all panes
+        pane_curves = [
+            _curve(curves, name, colors.setdefault(key, len(colors))) for name, key in zip(shown, keys, strict=True)
+        ]
+        panes.append(web.Pane(title, _unit(curves, shown[0]) or unit, pane_curves))
         signal = curves.signals[shown[0]]
         if title in catalog.bands:
             low, high = (signal.factor * edge + signal.offset for edge in catalog.bands[title])
             panes[-1].band = (low, high)
         panes[-1].lines = [signal.factor * line + signal.offset for line in catalog.lines.get(title, ())]
         panes[-1].limits = warning_limits(catalog, curves, shown)
-        color += len(shown)  # a signal has one color in all panes
+        color += len(shown)
     if not panes:
         outputs = [name for name, signal in curves.signals.items() if signal.kind == "output"][:2]
         panes = [web.Pane(unit=_unit(curves, name), curves=[_curve(curves, name, k)]) for k, name in enumerate(outputs)]
@@ -53,7 +52,8 @@ def first_panes(catalog: Catalog, curves: SessionCurves) -> list[web.Pane]:
 def warning_limits(catalog: Catalog, curves: SessionCurves, shown: list[str]) -> list[dict[str, Any]]:
     """Return the limits of the warnings of shown signals, in display units."""
     warnings = [(curves.signals[each["signal"]], each) for each in catalog.warnings if each["signal"] in shown]
-    edges = [(signal, each[key]) for signal, each in warnings for key in ("above", "below") if key in each]
+    edges = [(signal, each["above"]) for signal, each in warnings]
+    edges += [(signal, each["below"]) for signal, each in warnings if signal.unit == "N" and "below" in each]
     return [
         {"y": signal.factor * edge + signal.offset, "from": catalog.start, "to": FOREVER, "failed": True, "warns": True}
         for signal, edge in edges

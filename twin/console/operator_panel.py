@@ -378,9 +378,10 @@ def condense(done: Sequence[ExecutedCommand], controls: Mapping[str, CatalogCont
         now = bool(equals) and given != (rest if isinstance(rest, bool) else float(f"{rest:.6g}"))
         if now != moving.get(control.input, False):
             if now:
-                text = HELD if isinstance(given, bool) else f"{HELD} at {value}"
+                shown = f"{given:.3g} {control.display_unit}".rstrip() if isinstance(given, float) else value
+                text = HELD if isinstance(given, bool) else f"{HELD} at {shown}"
             elif command.kind == EXPIRED:
-                text = f"{RELEASED} by the dead-man switch: page too late or computer overloaded"
+                text = f"{RELEASED} by the dead-man switch"
             else:
                 text = RELEASED
             condensed_commands.append(replace(command, text=f"{control.label}{text}"))

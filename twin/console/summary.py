@@ -148,7 +148,7 @@ def listed(row: Row, detail: str) -> None:
 
 @dataclass(frozen=True)
 class SessionResult:
-    """Result of a session that is over: passed, failed, targets left or ended early; its score in words; requirements and metrics; warnings.
+    """Result of a session that is over: passed, failed, targets left or ended early; its score in words; requirements (targets first) and metrics; warnings.
 
     `early`: why it ended before its end, or nothing.
     """
@@ -162,11 +162,12 @@ class SessionResult:
 
 def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> SessionResult:
     """Return the result of a session: that of its folder, or that of the rows so far where no folder was written."""
-    rows = verdicts.rows() if verdicts is not None else []
+    judged = rows = verdicts.rows() if verdicts is not None else []
     words, is_complete, end = "", True, math.inf
     if live.catalog is not None and live.catalog.targets:
         score = targets.session_score(live) or Score({})
-        words = targets.session_text(score, live.catalog)
+        words = targets.session_text(score, live.catalog, True)
+        rows = [targets.target_row(score, live.catalog), *rows]
         is_complete, end = len(score.reached) == len(live.catalog.targets["points"]), score.end
     warnings = warning_rows(live, end)
     file = Path(live.state.folder) / "summary.json"
@@ -175,7 +176,7 @@ def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> Sessi
     is_open = bool(early) or any(row.verdict == WAITING and not row.is_metric for row in rows)
     operation = summary.get("operation", {})
     kind = operation.get("verdict") or session_verdict(
-        [row.verdict for row in (*rows, *warnings)], is_complete, not is_open
+        [row.verdict for row in (*judged, *warnings)], is_complete, not is_open
     )
     words = operation.get("targets", {}).get("detail", words)
     return SessionResult(kind, words, tuple(rows), tuple(warnings), early)
@@ -192,9 +193,9 @@ def result_card(result: SessionResult) -> None:
             ui.label(result.early)
         with ui.element("div").classes("twin-result-rows full-width"):
             for row in result.requirements:
-                if row.verdict == "fail":
-                    problem = "Far from its reference" if row.is_metric else "Not met"
-                    listed(replace(row, name=f"{problem}: {row.name}"), row.detail)
+                if row.is_targets or row.verdict == "fail":
+                    problem = "Far from its reference: " if row.is_metric else "Not met: "
+                    listed(replace(row, name=problem * (not row.is_targets) + row.name), row.detail)
             for row in map(named_warning, result.warnings):
                 listed(row, row.detail)
 

@@ -8,9 +8,10 @@ import numpy as np
 from nicegui import run as nicegui_run
 from nicegui import ui
 
-from twin.console.verdicts import warning_rows
+from twin.console.verdicts import Row, warning_rows
 from twin.errors import TwinError
-from twin.run import Score, first_motion, point_label, score, score_text
+from twin.live import OVER
+from twin.run import Score, first_motion, point_label, reached_text, score, score_text
 
 if TYPE_CHECKING:
     from twin.console.animation import Pictures
@@ -25,30 +26,53 @@ def session_score(live: LiveSession) -> Score | None:
     assert live.catalog is not None
     targets, controls = live.catalog.targets, live.catalog.controls
     try:
-        rows = live.read([targets["signal"], *(control.input for control in controls)])
+        path = targets.get("path", targets["signal"])
+        rows = live.read(list(dict.fromkeys([targets["signal"], path, *(control.input for control in controls)])))
     except TwinError:  # of a folder that is finished there may be no recording
         return None
     if not len(rows.time):
         return None
     begin = first_motion(rows.time, [(rows.values[control.input], control.rest) for control in controls])
-    return score(rows.time, np.asarray(rows.values[targets["signal"]], np.float64), targets, begin)
+    values, travel = (np.asarray(rows.values[name], np.float64) for name in (targets["signal"], path))
+    return score(rows.time, values, targets, begin, travel)
 
 
-def session_text(now: Score, catalog: Catalog) -> str:
+def session_text(now: Score, catalog: Catalog, has_ended: bool = False) -> str:
     """Return a score of a session in words."""
     targets = catalog.targets
-    signal = catalog.signals[targets["signal"].partition("[")[0]]
+    signal = catalog.signals[targets.get("path", targets["signal"]).partition("[")[0]]
     label = point_label(catalog.scenes, targets["signal"])
-    return score_text(now, targets, signal.factor, signal.display_unit, label)
+    return score_text(now, targets, signal.factor, signal.display_unit, label, has_ended)
+
+
+def target_row(now: Score, catalog: Catalog) -> Row:
+    """Return which targets were not reached, or that all were, and when each was."""
+    names = list(catalog.targets["points"])
+    left = [name for name in names if name not in now.reached]
+    times = reached_text(now.reached)
+    if not left:
+        return Row("pass", f"All {len(names)} targets reached", times, is_targets=True)
+    return Row("fail", f"{len(left)} of {len(names)} targets not reached: {', '.join(left)}", times, is_targets=True)
+
+
+def short_text(now: Score, catalog: Catalog) -> str:
+    """Return a score of a session for a narrow page."""
+    count, length = len(catalog.targets["points"]), session_text(now, catalog, True).rpartition(" path length ")[2]
+    return f"{len(now.reached)}/{count} targets, {now.duration:.0f} s, {length}"
 
 
 def panel(context: PageContext, picture: Pictures) -> None:
-    """Create the line with the score above the picture, in which reached targets change their color; warnings count too."""
+    """Create the line with the score above the picture, in which reached targets change their color.
+
+    Warnings that were shown follow it; one that lasts has a row of its own, in red.
+    """
     live, catalog = context.console.live, context.console.catalog
     assert live is not None
     assert catalog is not None
     with ui.element("div").classes("twin-score").props("role=status"):
-        label = ui.label(session_text(Score({}), catalog)).mark("score")
+        label = ui.label(session_text(Score({}), catalog)).classes("twin-wide").mark("score")
+        short = ui.label().classes("twin-narrow")
+        past = ui.label().classes("twin-soft").mark("past")
 
     async def update() -> None:
         if live is not context.console.live or (now := await nicegui_run.io_bound(session_score, live)) is None:
@@ -56,8 +80,8 @@ def panel(context: PageContext, picture: Pictures) -> None:
         context.score = now
         rows = await nicegui_run.io_bound(warning_rows, live, now.end) or []
         warned = [f"{row.name} {row.detail.replace(';', ',')}" for row in rows if row.verdict == "fail"]
-        label.text = "; ".join([session_text(now, catalog), *warned])
-        label.classes(add="twin-bad" if warned else "", remove="" if warned else "twin-bad")
+        label.text, past.text = session_text(now, catalog, live.state.phase in OVER), "; ".join(warned)
+        short.text = short_text(now, catalog) if now.duration else label.text
         picture.show_reached(list(now.reached))
 
     ui.timer(PERIOD, update)

@@ -31,6 +31,7 @@ class Row:
     name: str
     detail: str
     is_metric: bool = False
+    is_targets: bool = False
 
 
 class SessionVerdicts:

@@ -115,6 +115,7 @@ class Catalog:
     scenes: tuple[Mapping[str, Any], ...] = ()  # title; walls [mm]; motions, lines, points, arrows by names of signals
     spaces: tuple[Mapping[str, Any], ...] = ()  # title, axes; specification of a `Space` and parameters of its path
     lines: Mapping[str, Sequence[float]] = field(default_factory=dict)  # of plots
+    labels: Mapping[str, str] = field(default_factory=dict)  # of the signals of plots
 
     @property
     def judged_until(self) -> float:

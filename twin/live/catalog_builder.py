@@ -101,6 +101,7 @@ def catalog_of(
         tuple(scene_data(scene) for scene in scenario.scenes),
         tuple(space_data(scene, case, variables) for scene in spaces_of(scenario, variant, variables)),
         {plot.title: plot.lines for plot in scenario.plots if plot.lines},
+        {curve.signal.text: curve.label for plot in scenario.plots for curve in plot.curves},
     )
 
 

@@ -21,6 +21,7 @@ from .operator_result import Score as Score
 from .operator_result import display_conversion as display_conversion
 from .operator_result import first_motion as first_motion
 from .operator_result import point_label as point_label
+from .operator_result import reached_text as reached_text
 from .operator_result import score as score
 from .operator_result import score_text as score_text
 from .operator_result import session_verdict as session_verdict

@@ -45,9 +45,16 @@ class Score:
 
 
 def score(
-    time: NDArray[np.float64], values: NDArray[np.float64], targets: Mapping[str, Any], begin: float | None
+    time: NDArray[np.float64],
+    values: NDArray[np.float64],
+    targets: Mapping[str, Any],
+    begin: float | None,
+    path: NDArray[np.float64] | None = None,
 ) -> Score:
-    """Score rows of the signal of `targets`: `time` of shape (rows,) [s], `values` of shape (rows, ...), from `begin` [s]."""
+    """Score rows of the signal of `targets`: `time` of shape (rows,) [s], `values` of shape (rows, ...), from `begin` [s].
+
+    `path`: rows of the signal whose travel is the path; None: that of `targets`, which may be a projection of the motion.
+    """
     if begin is None or not len(time) or time[-1] <= begin:
         return Score({})
     is_scored = time >= begin
@@ -59,10 +66,10 @@ def score(
             reached[name] = float(time[hits[0]] - begin)
     is_complete = len(reached) == len(targets["points"])
     end = max(reached.values()) if is_complete else float(time[-1] - begin)
-    path = rows[time <= begin + end]
+    travel = rows if path is None else path.reshape(len(is_scored), -1)[is_scored]
     return Score(
         dict(sorted(reached.items(), key=lambda entry: entry[1])),
-        float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
+        float(np.linalg.norm(np.diff(travel[time <= begin + end], axis=0), axis=1).sum()),
         end,
         begin + end if is_complete else np.inf,
     )
@@ -79,7 +86,9 @@ def first_motion(time: NDArray[np.float64], inputs: Sequence[tuple[NDArray[Any],
     return float(time[np.argmax(moves)]) if moves.any() else None
 
 
-def score_text(now: Score, targets: Mapping[str, Any], factor: float, shown_unit: str, label: str = "") -> str:
+def score_text(
+    now: Score, targets: Mapping[str, Any], factor: float, shown_unit: str, label: str = "", has_ended: bool = False
+) -> str:
     """Return a score in words, the length of the path, forth and back, in the display unit. `label`: of what reaches them."""
     names = list(targets["points"])
     left = [name for name in names if name not in now.reached]
@@ -87,7 +96,10 @@ def score_text(now: Score, targets: Mapping[str, Any], factor: float, shown_unit
     owner = f"{label[0].upper()}{label[1:]}: " if label else ""
     if not left:
         return f"{owner}{'all' if owner else 'All'} {len(names)} targets reached in {figures}"
-    state = f"{owner}{len(now.reached)} of {len(names)} targets, next: {left[0]}"
+    state = f"{owner}{len(now.reached)} of {len(names)} targets"
+    if has_ended:
+        return f"{state}; {figures}"
+    state += f", next: {left[0]}"
     hint = f"{targets['hint']}; " if targets.get("hint") else ""
     return f"{state}; {figures if now.duration else f'{hint}time starts with your first command'}"
 
@@ -166,10 +178,11 @@ def operator_result(scenario: ScenarioSpec, case: Case, catalog: Catalog, signal
     if not len(time):
         return result
     if targets:
-        shown_unit, factor, _ = display_conversion(find(targets["signal"], catalog).variable)
+        path = targets.get("path", targets["signal"])
+        shown_unit, factor, _ = display_conversion(find(path, catalog).variable)
         controls = controls_of(scenario, case, catalog)
         begin = first_motion(time, [(recorded_rows(signals, each.spec.input), each.rest) for each in controls])
-        now = score(time, recorded_rows(signals, targets["signal"]), targets, begin)
+        now = score(time, recorded_rows(signals, targets["signal"]), targets, begin, recorded_rows(signals, path))
         end = now.end
         label = point_label((scene_data(scene) for scene in scenario.scenes), targets["signal"])
         result["targets"] = {
@@ -179,7 +192,7 @@ def operator_result(scenario: ScenarioSpec, case: Case, catalog: Catalog, signal
             "duration": now.duration,
             "path": factor * now.path,
             "unit": shown_unit,
-            "detail": score_text(now, targets, factor, shown_unit, label),
+            "detail": score_text(now, targets, factor, shown_unit, label, has_ended=True),
         }
     if warnings:
         result["warnings"] = warning_results(warnings, catalog, signals, end)
@@ -241,14 +254,22 @@ def operator_requirements(operation: Mapping[str, Any]) -> list[ExpectationResul
     results = []
     if targets is not None:
         count = len(targets["reached"]) + len(targets["missed"])
-        name = f"All {count} targets reached"
-        results.append(ExpectationResult(name, "fail" if targets["missed"] else "pass", targets["detail"]))
+        name, detail = (
+            f"All {count} targets reached",
+            "; ".join(filter(None, [targets["detail"], reached_text(targets["reached"])])),
+        )
+        results.append(ExpectationResult(name, "fail" if targets["missed"] else "pass", detail))
     for warning in operation.get("warnings", ()):
         verdict = "fail" if warning["duration"] else "pass"
         results.append(
             ExpectationResult(f"No warning: {warning['text']}", verdict, warning["detail"] + warning["afterwards"])
         )
     return results
+
+
+def reached_text(reached: Mapping[str, float]) -> str:
+    """Return the times [s] at which targets were reached, in words."""
+    return ", ".join(f"{name} at {time:.1f} s" for name, time in reached.items())
 
 
 def operation_text(operation: Mapping[str, Any]) -> str:

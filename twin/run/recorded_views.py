@@ -169,9 +169,9 @@ def scene_data(scene: Scene) -> dict[str, Any]:
         "walls": [page.wall_data(wall) for wall in (scene.environment.walls if scene.environment else ())],
         "axes": list(scene.axes),
         "motions": motions,
-        "lines": [{"signal": line.signal, "width": 1e3 * line.width} for line in scene.lines],
+        "lines": [{"signal": line.signal, "label": line.label, "width": 1e3 * line.width} for line in scene.lines],
         "points": [{"signal": mark.signal, "label": mark.label} for mark in scene.points if mark.signal],
-        "arrows": [{"signal": arrow.signal, "at": arrow.at} for arrow in scene.arrows],
+        "arrows": [{"signal": arrow.signal, "label": arrow.label, "at": arrow.at} for arrow in scene.arrows],
     }
 
 

@@ -364,6 +364,6 @@ def record_of(
     needed = dict.fromkeys(signal.name for expression in expressions for signal in expression.signals)
     needed |= dict.fromkeys(name for scene in scenes for name in scene.names)
     needed |= dict.fromkeys(warning.signal for warning in keys.console.warnings)
-    needed |= {keys.console.targets.signal: None} if keys.console.targets else {}
+    needed |= dict.fromkeys(keys.console.targets.signals) if keys.console.targets else {}
     patterns = tuple(dict.fromkeys(keys.record.variables))
     return RecordSpec(patterns, keys.record.every, tuple(needed), str(tree.find(("record",)).location))

@@ -43,7 +43,11 @@ DRAWINGS = {
     ),
     "PullWireCatheter": ComponentDrawing(BENCH, "tip", ("tip_y", "tip_z", "needle_length", "tension_share")),
     "InjectionSite": ComponentDrawing(BENCH, "site", ("depth", "given")),
-    "Fluoroscope": ComponentDrawing(VESSEL, "fluoroscope", ("vessel", "wire", "catheter", "wire_tip", "catheter_tip")),
+    "Fluoroscope": ComponentDrawing(
+        VESSEL,
+        "fluoroscope",
+        ("vessel", "wire", "catheter", "wire_tip", "catheter_tip", "catheter_location", "wire_location"),
+    ),
     "VesselFriction": ComponentDrawing(VESSEL, "friction", ("wall_force",)),
     "Heart": ComponentDrawing(ANY, "heart", ("position", "beats")),
     "Wall": ComponentDrawing(ANY, "wall", ("force", "displacement"), ("surface_position",)),
@@ -51,6 +55,7 @@ DRAWINGS = {
 }
 SIZES = frozenset(size for drawing in DRAWINGS.values() for size in drawing.sizes)
 ORDER = (VESSEL, RIG, BENCH)
+TITLES = {"wire": "guidewire"}  # of groups with another name
 BAND = (0.1, 0.4)  # [N], contact force: paper A, section V
 
 
@@ -100,7 +105,8 @@ def build_views(catalog: ViewSystem) -> list[dict[str, Any]]:
             views.setdefault((drawing.view, group), []).append(part)
     ordered = sorted(views, key=lambda key: ORDER.index(key[0]))
     views_in_order: list[dict[str, Any]] = [
-        {"view": view, "title": group, "parts": views[view, group], "band": BAND} for view, group in ordered
+        {"view": view, "title": TITLES.get(group, group), "parts": views[view, group], "band": BAND}
+        for view, group in ordered
     ]
     if all(view["view"] != VESSEL for view in views_in_order):
         guided = {"instrument", "sheath", "sleeve", "tip"}  # a carriage alone shows less than the scene

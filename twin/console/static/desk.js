@@ -7,7 +7,13 @@ import { channel } from "/console/channel.js";
 const DROPPED = 10;      // ticks after which a held control that moves nothing counts as stopped
 // where keys type; a closed list, which keeps the focus after a choice, is none of these
 const TYPED = "input:not(.q-select__focus-target), .q-select__focus-target[aria-expanded=true], textarea, select, [contenteditable]";
+const DEVICES = ["stick", "button", "pad"];  // sources of deflections that are no keys
 const NEAR = 0.02;       // deflection of a gamepad below which it is at rest
+
+// a key as it is written on a keyboard
+export function keyText(key) {
+  return key.replace(/^Key|^Digit/, "").replace("Arrow", "").replace(/^(Up|Down|Left|Right)$/, (way) => ({ Up: "↑", Down: "↓", Left: "←", Right: "→" })[way]);
+}
 
 class HeldControls {
   constructor(controls) {
@@ -35,6 +41,7 @@ class HeldControls {
     if (at !== null && channel.operator && !document.hidden) channel.send({ hold: name, at, press: this.press.get(name), tick: channel.tick });
   }
   renewAll() { for (const name of this.held.keys()) this.renew(name); }
+  keys() { return [...this.held.values()].flatMap((sources) => [...sources.keys()]).filter((source) => !DEVICES.includes(source)); }
   releaseAll() {
     const any = [...this.held.keys()].some((name) => this.deflection(name) !== null);
     this.held.clear();
@@ -65,11 +72,11 @@ export default {
               @pointerup="pull(one)" @pointercancel="pull(one)" @lostpointercapture="pull(one)">{{ one.kind === "hold" ? "+" : "press" }}</button>
     </div>
     <p v-if="!controls.length && !over" class="twin-soft">Runs by itself: press Run, change values while it runs.</p>
-    <p v-else :class="stopped || early ? 'twin-warn' : 'twin-soft'" role="status">{{ over ? "The session is over" + (controls.length ? ": controls have no effect." : ".") : !operator ? watching : paused ? "Paused: press Run, then hold a control." : early ? "Held since before Run: release and press again." : stopped ? "Stopped by the dead-man switch. Release and hold again." : "Motion lasts while you hold a control." }}</p>
+    <p v-else :class="stopped || early || idle.length ? 'twin-warn' : 'twin-soft'" role="status">{{ over ? "The session is over" + (controls.length ? ": controls have no effect." : ".") : !operator ? watching : paused ? "Paused: press Run, then hold a control." : early ? "Held since before Run: release and press again." : stopped ? "Stopped by the dead-man switch. Release and hold again." : idle.length ? "Stopped. Release and hold again." : "Motion lasts while you hold a control." }}</p>
     <p v-if="pad && !over" class="twin-soft">{{ pad }}</p>
   </div>`,
   props: { controls: Array, session: Boolean },
-  data: () => ({ operator: false, watching: "Connecting ...", over: false, paused: false, held: {}, deflections: {}, dropped: 0, early: false, pad: "" }),
+  data: () => ({ operator: false, watching: "Connecting ...", over: false, paused: false, held: {}, deflections: {}, dropped: 0, early: false, idle: [], pad: "" }),  // idle: keys that are held and move nothing
   computed: {
     stopped() { return this.dropped > DROPPED; },
     sticks() {
@@ -85,7 +92,7 @@ export default {
     channel.listeners.add(this.onTick);
     this.on = [
       [window, "keydown", (event) => this.key(event, true)], [window, "keyup", (event) => this.key(event, false)],
-      [window, "blur", () => this.hands.releaseAll()], [window, "offline", () => this.hands.releaseAll()],
+      [window, "blur", () => { this.hands.releaseAll(); this.idle = []; }], [window, "offline", () => this.hands.releaseAll()],
       [document, "visibilitychange", () => { if (document.hidden) this.hands.releaseAll(); }],
       [document, "freeze", () => this.hands.releaseAll()],
       [document.getElementById("twin-stop"), "click", () => this.hands.releaseAll()],
@@ -103,6 +110,7 @@ export default {
       if (state.lost) {
         this.operator = false;
         this.watching = `${state.silent ? "No answer from the server" : "No connection to the server"}: controls have no effect.`;
+        this.idle = [...new Set([...this.idle, ...this.hands.keys()])];
         this.hands.releaseAll();
         return;
       }
@@ -120,7 +128,8 @@ export default {
       this.hands.renewAll();
     },
     key(event, down) {
-      if (event.code === "Escape") { this.hands.releaseAll(); return; }
+      if (event.code === "Escape") { this.idle = this.hands.keys(); this.hands.releaseAll(); return; }
+      if (!down) this.idle = this.idle.filter((code) => code !== event.code);
       if (down && (event.target.closest?.(TYPED) || event.ctrlKey || event.altKey || event.metaKey)) return;
       for (const one of this.controls) {
         const way = one.keys.indexOf(event.code);
@@ -128,6 +137,7 @@ export default {
         event.preventDefault();
         event.stopPropagation();  // a slider or a closed list that was used before would change as well
         if (!event.repeat) this.hands.move(one.name, event.code, down ? (way === 0 ? 1 : -1) : 0);
+        else if (!this.hands.keys().includes(event.code) && !this.idle.includes(event.code)) this.idle.push(event.code);  // held since before it was released
       }
     },
     // called on every tick: a stick that springs back is a dead-man switch by itself
@@ -156,7 +166,7 @@ export default {
     push(event, one, way) { event.currentTarget.setPointerCapture(event.pointerId); this.hands.move(one.name, "button", way); },
     pull(one) { if (this.hands.held.get(one.name)?.has("button")) this.hands.move(one.name, "button", 0); },
     at(one) { return one && !this.stopped && !this.early ? this.deflections[one.name] || 0 : 0; },
-    short(key) { return key.replace(/^Key|^Digit/, "").replace("Arrow", "").replace(/^(Up|Down|Left|Right)$/, (way) => ({ Up: "↑", Down: "↓", Left: "←", Right: "→" })[way]); },
+    short: keyText,
     figure(one) {
       const value = this.held[one.input];
       if (one.kind !== "hold") return value ? "on" : "off";

@@ -1,18 +1,20 @@
 // Animation of the machine: SVG views, moved with the values of each tick. Warnings have a row above it and are felt in a gamepad.
 
 import { channel } from "/console/channel.js";
+import { keyText } from "/console/desk.js";
 import { drawViews, movingSignals } from "/web/views.js";
 
 const RUMBLE = { duration: 200, strongMagnitude: 0.8, weakMagnitude: 0.4 };  // [ms], parts of the largest
 
 export default {
   template: `<div class="twin-views"><div class="twin-alert" v-if="warnings.length"><p class="twin-warning" role="alert" v-show="warning">{{ warning }}</p></div></div>`,
-  props: { views: Array, warnings: Array, reached: Array },
+  props: { views: Array, warnings: Array, reached: Array, controls: Array },
   data: () => ({ warning: "" }),
   mounted() {
     const move = drawViews(this.$el, this.views);
     this.onTick = (state) => {
       if (!state.values || document.hidden) return;
+      for (const one of this.controls) if (state.held?.[one.input]) this.moved = { ...this.moved, [one.input]: [state.time, state.held[one.input] > 0 ? 1 : 0] };
       move(state.values, this.reached);
       this.warn(state);
     };
@@ -21,8 +23,15 @@ export default {
   },
   unmounted() { channel.listeners.delete(this.onTick); channel.watch(this, []); },
   methods: {
+    // what to do: move back what was moved last, of the instruments that a warning names, or of all
+    remedy(text) {
+      const named = this.controls.filter((one) => text.includes(one.label)), moved = this.moved || {};
+      const last = (named.length ? named : this.controls).filter((one) => one.input in moved).sort((a, b) => moved[b.input][0] - moved[a.input][0])[0];
+      return last ? `: ${last.label} back with ${keyText(last.keys[moved[last.input][1]])}` : "";
+    },
     warn(state) {
-      this.warning = this.warnings.filter((one) => Number(state.values[one.signal]) > one.above || Number(state.values[one.signal]) < one.below).map((one) => one.text).join(" · ");
+      const shown = this.warnings.filter((one) => Number(state.values[one.signal]) > one.above || Number(state.values[one.signal]) < one.below);
+      this.warning = shown.map((one) => one.text + this.remedy(one.text)).join(" · ");
       const now = performance.now();
       if (!this.warning || !channel.operator || state.phase !== "running" || now < (this.felt || 0) + RUMBLE.duration) return;
       this.felt = now;

@@ -3,6 +3,7 @@
 import { channel } from "/console/channel.js";
 
 const READ = 10000;  // time for which a message of a simulation is shown [ms]
+const EXPIRED = "Release and press again.";  // end of a message on an expired hold, which is also said beside the controls
 
 export default {
   template: `<div><button id="twin-stop" :style="{ visibility: label ? 'visible' : 'hidden' }" type="button" :class="{ 'twin-end': label && label !== 'STOP' }" :title="about" :disabled="!connected || (lost && !silent)"
@@ -44,7 +45,8 @@ export default {
       if (place && how !== null && place.textContent !== how) place.textContent = how;
       const now = performance.now();
       if (message !== this.message) { this.message = message; this.since = now; }
-      const text = this.hardware || now - this.since < READ ? message : "";  // of drives it stays
+      const isSaid = message.endsWith(EXPIRED) && document.querySelector(".twin-control") !== null;
+      const text = this.hardware || (now - this.since < READ && !isSaid) ? message : "";  // of drives it stays
       if (below && below.textContent !== text) below.textContent = text;
     },
   },

@@ -10,8 +10,8 @@ const ROOM = 0.84;                // part of the picture that the scene fills
 const THIN = 1.3, WIDER = 0.3;    // smallest radius of a line [px], and what its width adds [px/mm]: one in another is seen
 const DOT = 5;                    // smallest radius of a point [px]
 const SHAFT = 2, HEAD = [16, 6];  // arrow: radius of its shaft, length and radius of its head [px]
-const ABOVE = [0.5, 1.6], BELOW = [0.5, -0.6], ASIDE = [-0.25, 0.5];  // of labels, as parts of their size
-const LINES = ["--wire", "--accent", "--ink", "--line-3"];
+const ABOVE = [0.5, 1.6], BELOW = [0.5, -0.6], SIDES = [ABOVE, BELOW, [-0.15, 0.5], [1.15, 0.5], [0.5, 2.9], [0.5, -1.9]];  // of labels, as parts of their size
+const LINES = ["--line-0", "--line-1", "--ink", "--line-3"];  // the first curves of charts: catheter, then guidewire
 const ROUND = 2;                  // pieces of a tube from point to point
 const STEPS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];  // of the scale bar [mm]
 
@@ -25,6 +25,7 @@ class Picture {
     this.right = AXES["xyz"[fixed.axes[0]]];
     this.camera.up.copy(AXES["xyz"[fixed.axes[1]]]);
     this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.zoomToCursor = true;
     this.controls.addEventListener("change", () => this.draw());
     const light = new THREE.DirectionalLight(0xffffff, 2.2);
     light.position.set(-1, 2, 3);
@@ -64,7 +65,7 @@ class Picture {
     const ball = new THREE.SphereGeometry(1, 24, 16);
     this.points = points.map((point, k) => {
       const mesh = this.add(ball, this.material(LINES[k % LINES.length]));
-      mesh.label = this.name(point.label, this.world, forces.length ? ASIDE : k % 2 ? ABOVE : BELOW, "twin-space-point");  // above and below: tips are close to each other
+      mesh.label = this.name(point.label, this.world, BELOW, "twin-space-point");
       return mesh;
     });
     this.targets = targets.map((target) => {
@@ -78,7 +79,7 @@ class Picture {
       const mesh = this.add(capOf(diameter), this.material("--tissue", { side: THREE.DoubleSide, transparent: true, opacity: 0.8 }));
       mesh.quaternion.setFromUnitVectors(AXES.y, new THREE.Vector3(...normal));
       mesh.label = this.name(label);
-      mesh.rim = new THREE.Vector3(...normal).cross(AXES.x).length() > 0.5 ? AXES.x : AXES.y;
+      mesh.rim = Math.abs(normal[1]) > 0.5 ? AXES.x : AXES.y;
       return mesh;
     });
     this.forces = forces.map(() => {
@@ -124,7 +125,7 @@ class Picture {
     });
     this.points.forEach((mesh, k) => this.place(mesh, frame.points[k]));
     this.surfaces.forEach((mesh, k) => {
-      if (this.place(mesh, frame.surfaces[k])) mesh.label.position.addScaledVector(mesh.rim, 0.3 * this.fixed.surfaces[k].diameter);
+      if (this.place(mesh, frame.surfaces[k])) mesh.label.position.addScaledVector(mesh.rim, 0.5 * this.fixed.surfaces[k].diameter);
     });
     if (!this.quarter && this.canvas.clientWidth) this.reset();
     this.shapes();
@@ -157,7 +158,6 @@ class Picture {
       group.head.scale.set(HEAD[1] * px, head, HEAD[1] * px);
       group.head.position.set(0, length, 0);
       group.label.position.addScaledVector(along, length);
-      group.label.center.set(...(along.dot(new THREE.Vector3(0, 1, 0).applyQuaternion(this.camera.quaternion)) < 0 ? BELOW : ABOVE));
       group.label.element.textContent = `${label} ${size.toFixed(3)} N`;
     });
   }
@@ -216,8 +216,24 @@ class Picture {
     this.axes.position.set(-right + 46, bottom + 46, 0).divideScalar(zoom).applyQuaternion(this.camera.quaternion).add(this.controls.target);
     this.axes.scale.setScalar(26 / zoom);
     this.renderer.render(this.world, this.camera);
+    this.placeNames();
     this.names.render(this.world, this.camera);
     this.onDraw(zoom);
+  }
+  // each name on the first side of its point on which it covers no point and no other name
+  placeNames() {
+    const { clientWidth: width, clientHeight: height } = this.canvas, at = new THREE.Vector3();
+    const named = [...this.forces, ...this.targets, ...this.points, ...this.surfaces].filter((one) => one.label.visible).map((one) => {
+      at.copy(one.label.position).project(this.camera);
+      return { element: one.label.element, center: one.label.center, x: ((at.x + 1) * width) / 2, y: ((1 - at.y) * height) / 2 };
+    });
+    const taken = named.map(({ x, y }) => [x - DOT, y - DOT, x + DOT, y + DOT]);
+    for (const { element, center, x, y } of named) {
+      const { offsetWidth: wide, offsetHeight: tall } = element, boxes = SIDES.map(([a, b]) => [x - a * wide, y - b * tall, x + (1 - a) * wide, y + (1 - b) * tall]);
+      const free = boxes.findIndex((box) => box[0] > 0 && box[2] < width && !taken.some((other) => box[0] < other[2] && other[0] < box[2] && box[1] < other[3] && other[1] < box[3]));
+      center.set(...SIDES[Math.max(free, 0)]);
+      taken.push(boxes[Math.max(free, 0)]);
+    }
   }
   dispose() {
     cancelAnimationFrame(this.due);

@@ -101,7 +101,7 @@ def check_controls(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> l
 
 
 def resolve_targets(spec: TargetKeys, catalog: Catalog) -> dict[str, Any]:
-    """Return targets in the signal's unit: signal, tolerance, points, and the hint if there is one; CouplingError if they do not fit the signal."""
+    """Return targets in the signal's unit: signal, tolerance, points, path and hint if given; CouplingError if they do not fit the signal."""
     variable, _ = find(spec.signal, catalog)
     points = {}
     for name, point in spec.points.items():
@@ -112,8 +112,11 @@ def resolve_targets(spec: TargetKeys, catalog: Catalog) -> dict[str, Any]:
     tolerance = number(spec.tolerance, variable, f"{spec.signal}: tolerance")
     if not tolerance > 0.0:
         raise CouplingError(f"{spec.signal}: tolerance: expected a distance above zero.")
-    hint = {"hint": spec.hint} if spec.hint else {}
-    return {"signal": spec.signal, "tolerance": tolerance, "points": points, **hint}
+    path, _ = find(spec.signals[1], catalog)
+    if path.unit != variable.unit:
+        raise CouplingError(f"{spec.path}: is in {path.unit or '1'}. Its travel is a path in {variable.unit or '1'}.")
+    more = {key: text for key in ("path", "hint") if (text := getattr(spec, key))}
+    return {"signal": spec.signal, "tolerance": tolerance, "points": points, **more}
 
 
 def resolve_warning(spec: WarningKeys, catalog: Catalog) -> dict[str, Any]:

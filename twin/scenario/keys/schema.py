@@ -266,7 +266,13 @@ class TargetKeys(Keys):
     signal: Reference
     points: Annotated[dict[Text, Annotated[Some[Value], Field(min_length=1)]], Field(min_length=1)]
     tolerance: Value
+    path: Reference = ""
     hint: Text = ""
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """The signals that are read."""
+        return self.signal, self.path or self.signal
 
 
 class WarningKeys(Keys):

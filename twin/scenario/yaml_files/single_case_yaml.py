@@ -57,7 +57,7 @@ def single_case_yaml(scenario: ScenarioSpec, case: Case, record: Sequence[str]) 
     ]
     console = {"controls": Node(console_nodes, location)} if console_nodes else {}
     targets, warnings = scenario.console_targets, scenario.console_warnings
-    if targets is not None and has_member(case, targets.signal):
+    if targets is not None and all(has_member(case, signal) for signal in targets.signals):
         console["targets"] = root.find(("console", "targets"))
     if indices := [i for i, warning in enumerate(warnings) if has_member(case, warning.signal)]:
         console["warnings"] = Node([root.find(("console", "warnings", i)) for i in indices], location)

@@ -22,10 +22,23 @@ export function millimeters(value) { return (Math.round(value * 1e4) / 10 + 0).t
 const newtons = (value) => (Math.round(value * 1e3) / 1e3 + 0).toFixed(3);
 export function say(one, text) { if (one.textContent !== text) one.textContent = text; }
 
-// put a text beside a point, inside the picture, where it covers none of the boxes of texts placed before
-export function placeText(text, [cx, cy], tall, taken, below = false) {
-  const { width, height } = text.getBBox(), x = clamp(cx, 4 + width / 2, 996 - width / 2);
-  const over = [0, 1.3].map((row) => cy - 12 - row * height), under = [0.8, 2.1].map((row) => cy + 12 + row * height);
+// a row above the picture of a view with the color and text of each item; returns functions that change the texts
+export function legend(place, items) {
+  const row = document.createElement("div");
+  row.className = "twin-readings";
+  place.lastElementChild.before(row);
+  return items.map(([color, text]) => {
+    const item = row.appendChild(document.createElement("span"));
+    item.appendChild(document.createElement("i")).style.background = `var(${color})`;
+    const word = item.appendChild(document.createTextNode(text));
+    return (now) => say(word, now);
+  });
+}
+
+// put a text beside a point, inside the picture, where it covers none of the boxes placed before
+export function placeText(text, [cx, cy], tall, taken, below = false, [left, right] = [0, 1000]) {
+  const { width, height } = text.getBBox(), x = clamp(cx, left + 4 + width / 2, right - 4 - width / 2);
+  const over = [0, 1.3, 2.6].map((row) => cy - 12 - row * height), under = [0.8, 2.1, 3.4].map((row) => cy + 12 + row * height);
   const boxes = (below ? [...under, ...over] : [...over, ...under]).map((y) => ({ y, left: x - width / 2, right: x + width / 2, top: y - 0.8 * height, bottom: y + 0.2 * height }));
   const inside = boxes.filter((one) => one.top >= 0 && one.bottom <= tall);
   const box = inside.find((one) => !taken.some((two) => one.left < two.right && two.left < one.right && one.top < two.bottom && two.top < one.bottom)) || inside[0] || boxes[0];
@@ -33,15 +46,18 @@ export function placeText(text, [cx, cy], tall, taken, below = false) {
   return box;
 }
 
-// a force as a bar with its band; `isJudged`: whether a value is said to be in the band or above it
-export function force(svg, x, y, width, band, most = 0.6, label = "contact force", isJudged = true) {
-  const at = (value) => x + (clamp(value, 0, most) / most) * width;
+// a force as a bar with its band, in a picture of its own above the view, so that it is read beside a scene in three dimensions
+// and on a telephone too; `isJudged`: whether a value is said to be in the band or above it
+export function force(place, band, most = 0.6, label = "contact force", isJudged = true) {
+  const x = 8, y = 20, width = 260, at = (value) => x + (clamp(value, 0, most) / most) * width;
+  const svg = sheet(place, 380, 50, label);
+  svg.classList.add("twin-gauge");
+  place.prepend(svg);
   make(svg, "rect", { x, y, width, height: 14, rx: 3, class: "track" });
   make(svg, "rect", { x: at(band[0]), y, width: at(band[1]) - at(band[0]), height: 14, class: "band" });
   const bar = make(svg, "rect", { x, y: y + 3, width: 0, height: 8, rx: 2, class: "bar" });
-  const right = x > 500; // letters are larger on a narrow page, and must not leave the picture
-  for (const edge of new Set([0, ...band, most])) make(svg, "text", { x: at(edge), y: y + 27, class: `small ${right && edge === most ? "end" : "middle"} edge` }, String(edge));
-  const text = make(svg, "text", { x: right ? x + width : x, y: y - 6, class: right ? "label end" : "label" }, label);
+  for (const edge of new Set([0, ...band, most])) make(svg, "text", { x: at(edge), y: y + 27, class: "small middle" }, String(edge));
+  const text = make(svg, "text", { x, y: y - 6, class: "label" }, label);
   return (value, name = label, more = "") => {
     const above = isJudged && value > band[1], inside = isJudged && value >= band[0] && value <= band[1];
     set(bar, { width: at(value) - x, class: `bar ${above ? "bad" : inside ? "good" : ""}` });
@@ -50,8 +66,8 @@ export function force(svg, x, y, width, band, most = 0.6, label = "contact force
 }
 
 // the contact force: measured where a sensor measures it, and the true one; returns (of) => void
-export function contactForce(svg, x, y, width, { band, is_judged: isJudged }, sensor, wallPart) {
-  const bar = force(svg, x, y, width, band, Math.max(0.6, +(1.5 * band[1]).toPrecision(2)), undefined, isJudged);
+export function contactForce(place, { band, is_judged: isJudged }, sensor, wallPart) {
+  const bar = force(place, band, Math.max(0.6, +(1.5 * band[1]).toPrecision(2)), undefined, isJudged);
   return (of) => {
     const measured = of(sensor, "measured_force"), actual = of(wallPart, "force"), both = measured !== undefined && actual !== undefined;
     bar(measured ?? actual ?? 0, `${measured === undefined ? "true" : "measured"} contact force`, both ? `; true ${newtons(actual)} N` : "");

@@ -23,7 +23,7 @@ export function bench(place, view) {
   make(svg, "path", { d: `M${FRONT[0] - FRONT[2]} ${FRONT[1]}h${2 * FRONT[2]}M${FRONT[0]} ${FRONT[1] - FRONT[2]}v${2 * FRONT[2]}`, class: "axis" });
   make(svg, "text", { x: 990, y: FRONT[1] - FRONT[2] - 17, class: "small end note" }, "tip from the front, radius 15 mm");
   const trail = make(svg, "polyline", { class: "trail" }), dot = make(svg, "circle", { r: 5, class: "tip" });
-  const bar = (sensor || wallPart) && contactForce(svg, 400, 34, 250, view, sensor, sensor ? undefined : wallPart);
+  const bar = (sensor || wallPart) && contactForce(place, view, sensor, sensor ? undefined : wallPart);
   const text = make(svg, "text", { x: 385, y: 238, class: "small note" });
   const been = [];
 

@@ -27,6 +27,7 @@ export function rig(place, view) {
   const instrument = one("instrument"), sheath = one("sheath"), heart = one("heart"), wallPart = one("wall");
   const centers = drives.length > 1 ? [180, 440] : [310];
   if (wallPart && drives.length === 1) place.classList.add("twin-at-wall");
+  if (view.title === "guidewire") place.classList.add("twin-guidewire");
 
   make(svg, "rect", { x: 60, y: RAIL, width: 520, height: 9, rx: 3, class: "rail" });
   for (const center of centers) for (let mm = -50; mm <= 50; mm += 10) {  // each carriage has its own zero
@@ -45,9 +46,9 @@ export function rig(place, view) {
   const inside = make(svg, "path", { d: guided ? SHEATH : "", class: "shaft", pathLength: 1000 });
   const front = wallPart && wall(svg, OUT, 990);
   const tip = make(svg, "path", { class: "shaft" }), end = make(svg, "circle", { r: 5, class: "tip", visibility: "hidden" });
-  const bar = (wallPart || one("force")) && contactForce(svg, 660, 34, 320, view, one("force"), wallPart);
-  const dial = one("rotation") && rotation(svg, 960, bar ? 96 : 44);
-  const state = make(svg, "text", { x: wallPart ? 870 : 985, y: 244, class: "small end" });
+  const bar = (wallPart || one("force")) && contactForce(place, view, one("force"), wallPart);
+  const dial = one("rotation") && rotation(svg, 960, 44);
+  const state = make(svg, "text", { x: wallPart ? 880 : 985, y: 244, class: "small end" });
   carriages.forEach((part) => part.raise());
   const magnify = drives.length === 1 && lens(svg, centers[0]);
 
@@ -78,7 +79,7 @@ export function rig(place, view) {
     set(end, { cx: x, cy: OUT, visibility: out ? "visible" : "hidden" });
     // without a sheath the depth counts from the entry, as the vessel's picture and charts do; else from the start, as charts of the tip do
     const fromEntry = depth !== undefined && whole === 0;
-    say(state, wallPart ? `tip at ${millimeters(place)} mm` : `${millimeters(fromEntry ? depth : place)} mm from the ${fromEntry ? "entry" : "start"}`);
+    say(state, wallPart ? `${moved.length === 1 ? `gripper at ${millimeters(moved[0])} mm, ` : ""}tip at ${millimeters(place)} mm` : `${millimeters(fromEntry ? depth : place)} mm from the ${fromEntry ? "entry" : "start"}`);
   };
 }
 
@@ -90,7 +91,7 @@ function passed(depth, lengths) {
 }
 
 function carriage(svg, drive, center, cylinder, sleeve, braid) {
-  const group = make(svg, "g"), way = sleeve?.sizes.orientation < 0 ? -1 : 1;
+  const group = make(svg, "g", { class: "drive" }), way = sleeve?.sizes.orientation < 0 ? -1 : 1;
   make(group, "rect", { x: -54, y: RAIL - 24, width: 108, height: 24, rx: 4, class: "block" });
   make(group, "circle", { cx: -36, cy: RAIL, r: 5, class: "wheel" }); make(group, "circle", { cx: 36, cy: RAIL, r: 5, class: "wheel" });
   const name = make(group, "text", { x: 0, y: RAIL - 7, class: "small middle on" });
@@ -135,7 +136,7 @@ function carriage(svg, drive, center, cylinder, sleeve, braid) {
 
 // the position of a carriage ten times as large, on the side where it is not: strokes of a millimeter would not be seen
 function lens(svg, center) {
-  const group = make(svg, "g"), half = LENS * SEEN, y = 158;
+  const group = make(svg, "g", { class: "drive" }), half = LENS * SEEN, y = 158;
   make(group, "rect", { x: -half - 8, y: y - 26, width: 2 * half + 16, height: 30, rx: 4, class: "base" });
   for (let mm = -SEEN; mm <= SEEN; mm++) make(group, "line", { x1: mm * LENS, x2: mm * LENS, y1: y, y2: y - (mm % SEEN ? 6 : 12), class: "tick" });
   const hand = make(group, "line", { y1: y - 22, y2: y, class: "hand" });

@@ -1,6 +1,6 @@
 // A scene of the scenario: walls of its environment, lines and points of signals, arrows of forces. Millimeters, y up.
 
-import { contactForce, make, parts, say, set, sheet } from "./draw.js";
+import { contactForce, legend, make, parts, say, set, sheet } from "./draw.js";
 
 const MARGIN = 6, ARROW = 12;  // [mm]: around the scene; of the longest arrow so far
 
@@ -8,7 +8,10 @@ export function scene(place, view) {
   const { walls, lines, points, arrows, axes, motions } = view.scene, part = parts(view, "scene")[0];
   const svg = sheet(place, 1000, 300, view.title), picture = make(svg, "g");
   make(svg, "text", { x: 14, y: 18, class: "title" }, view.title);
-  const sensor = parts(view, "force")[0], wallPart = parts(view, "wall")[0], bar = (sensor || wallPart) && contactForce(svg, 14, 52, 260, view, sensor, wallPart);
+  const sensor = parts(view, "force")[0], wallPart = parts(view, "wall")[0], bar = (sensor || wallPart) && contactForce(place, view, sensor, wallPart);
+  const named = [...lines.map((one) => ["--line-0", one.label]), ...arrows.map((one) => ["--accent", one.label]),
+    ...walls.map((one) => (one.closed ? ["--tissue", "wall"] : ["--metal", "tube"]))].filter(([, text]) => text);
+  legend(place, [...new Map(named.map((one) => [one.join(), one])).values()]);
   const outlines = walls.map((wall) => make(picture, wall.closed ? "polygon" : "polyline", { class: wall.closed ? "tissue" : "tube", points: pairs(wall.points) }));
   const curves = lines.map((line) => make(picture, "polyline", { class: "catheter", style: `stroke-width: ${Math.max(line.width, 0.6)}` }));
   const dots = points.map(() => make(picture, "circle", { r: 1.5, class: "tip" })), labels = points.map((one) => make(svg, "text", { class: "small middle" }, one.label));
