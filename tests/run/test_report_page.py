@@ -3,8 +3,10 @@
 Over 400 lines: a page in a browser serves many tests.
 """
 
+import json
 import re
 from itertools import pairwise
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -39,6 +41,7 @@ from twin.run.scenes import ReportScenes
 from twin.structure import picture
 from twin.web import PackedArrays
 
+SHIPPED = Path(__file__).parents[2] / "scenarios" / "heart_wall_force.yaml"
 POSITION = Plot("Position", (PlotCurve(expression.parse("a.x"), "x"),), unit="mm", per_variant=True)
 EVENTS = [EventRow(2 * 10**9, "set a.k = 4 N/m")]
 
@@ -65,13 +68,19 @@ def test_the_first_sentence_of_a_description_stands_alone_and_code_is_marked() -
     assert report_page.mark_code("in `a<b>`") == "in <code>a&lt;b&gt;</code>"
 
 
-def test_all_structures_are_drawn_up_to_six(tmp_path) -> None:
-    structures = [((f"<svg id='s{number}'/>", ""), [f"v{number}"]) for number in range(8)]
+def test_the_system_is_drawn_once_and_variants_differ_in_words(tmp_path) -> None:
+    def drawing(*titles: str) -> str:
+        return f"<svg>{''.join(f'<title>{title}</title>' for title in titles)}</svg>"
+
+    first = drawing("controller: pi", "a.x → b.y\ndelay 1 ms", "tip: rod")
+    others = [drawing("controller: ff", "a.x → b.y", "tip: rod"), drawing("controller: pi", "b.y → a.x", "tip: rod")]
+    structures = [((svg, ""), [f"v{number}"]) for number, svg in enumerate([first, *others, *[first] * 12])]
     text = written(tmp_path, structures=structures)
-    assert [f"<svg id='s{number}'/>" in text for number in range(8)] == [True] * 6 + [False] * 2
-    assert text.count("<details><summary>v") == 6
+    assert (first in text, others[0] in text, text.count("<summary>Members and connections of v0")) == (True, False, 1)
+    words = re.findall('<p><b>(v\\d+)</b>: <span class="soft">(.*?)</span></p>', text)
+    assert words[:2] == [("v1", "controller is ff"), ("v2", "with b.y → a.x; without a.x → b.y")]
     assert "2 more differ: <code>twin graph x --variant NAME</code>" in text
-    assert "--variant NAME" not in written(tmp_path, structures=structures[:6])
+    assert "--variant NAME" not in written(tmp_path, structures=structures[:13])
 
 
 def test_points_of_a_page_are_limited() -> None:
@@ -128,7 +137,7 @@ def test_an_order_is_drawn_with_its_margins_after_the_curve_of_the_first_violati
     assert {"PI", "PI+FF", "std [mN]"} <= set(labels(charts[0].svg))
     rows = [result for result in evaluation.metric_results if result.metric.name == "std"]
     assert list(metric_charts.row_bounds(wanted[0], rows)) == [(1, pytest.approx(0.3 * rows[0].mean))]
-    section = text[text.index('id="requirements"') : text.index('id="figures"')]
+    section = text[text.index('id="requirements"') : text.index('id="metrics"')]
     assert re.findall(r'<a href="#plot-(\d)"', section) == ["1", "2", "3"]
     assert text.index("<summary>Failed: order</summary>") > text.index('id="plot-1"')
     worst = TIME[np.argmax(tables()["PI", 2].values["a.force"])]
@@ -179,6 +188,10 @@ def test_a_changed_run_names_the_command_that_compares_it_with_the_default_run(t
     changed = tmp_path / "2026-01-02_00-00-00"
     command = report_page.compare_command({"name": "x"}, "runs/x/2026-01-02_00-00-00", "")
     assert command == "twin run x; twin compare runs/x/latest runs/x/2026-01-02_00-00-00"
+    command = report_page.compare_command({"name": "x", "path": str(SHIPPED)}, "f 1/x/2026-01-02_00-00-00", "")
+    assert command == (
+        "twin run heart_wall_force --runs 'f 1'; twin compare 'f 1/x/latest' 'f 1/x/2026-01-02_00-00-00'"
+    )
     for day, overrides in ((1, ()), (2, ("a.k=4",)), (3, ("a.k=5",))):
         folder = tmp_path / f"2026-01-0{day}_00-00-00"
         folder.mkdir()
@@ -189,6 +202,34 @@ def test_a_changed_run_names_the_command_that_compares_it_with_the_default_run(t
     summary = results.build_summary(results.RunInfo("x", overrides=("a.k=4",)), evaluation, tables()) | {"sentence": ""}
     text = report_page.report_html(summary, evaluation, tables(), folder=str(changed), default_folder=str(own))
     assert f"Against the default run:</span> <code>twin compare {own} {changed}</code>" in text
+
+
+def test_a_changed_run_says_what_fails_and_what_it_was_in_the_default_run(tmp_path) -> None:
+    """With the warning of a range below the change, and both values of a failed metric."""
+    metrics = {"std": Metric("std", FORCE, "std", unit="mN")}
+    order = Expectation("order", metric="std", ordered=("PI+FF", "PI"))
+    evaluation = evaluate(metrics, [order, LIMIT], tables())
+    default = {"metrics": {"std": {"variants": {"PI": {"mean": 20.0}, "PI+FF": {"mean": 30.0}}}}}
+    default["expectations"] = [{"name": LIMIT.name, "detail": "a.force was 0.11 N to 0.2 N; expected from 0.1 N."}]
+    (tmp_path / "summary.json").write_text(json.dumps(default))
+    warning = "warning: a.k=4 is outside of the range that the scenario states, 0 to 1."
+    info = results.RunInfo("x", overrides=("a.k=4",), extra={"notes": [warning, "another"]})
+    summary = results.build_summary(info, evaluation, tables()) | {"sentence": ""}
+    text = report_page.report_html(
+        summary, evaluation, tables(), expectations=[order, LIMIT], default_folder=str(tmp_path), previous_values=["2"]
+    )
+    head, rest = text[text.index("<header>") : text.index("</header>")], text[text.index("</header>") :]
+    assert "With a.k 4 instead of 2, 2 of 2 requirements fail: order; " in head
+    assert (
+        head.index("<b>Changed:</b>") < head.index(f'<p class="warn">{warning}</p>') < head.index("What was")
+        if "What was" in head
+        else True
+    )
+    assert warning not in rest
+    assert "another" in rest
+    assert "<b>order</b>, default run → this run: PI <span" in head.replace("PI+FF <span", "PI <span")
+    assert "20 mN → " in head
+    assert "0.11 N to 0.2 N →" in head
 
 
 def test_changed_values_stand_below_the_sentence_and_first_in_their_table() -> None:
@@ -209,9 +250,9 @@ def test_plots_come_before_metrics(limit) -> None:
     evaluation = evaluate({"mean": Metric("mean", FORCE, "mean")}, [limit], tables())
     summary = results.build_summary(results.RunInfo("x"), evaluation, tables()) | {"sentence": ""}
     text = report_page.report_html(summary, evaluation, tables(), plots=PLOTS[:1], expectations=[limit])
-    sections = ["requirements", "plots", "figures", "versions"]
+    sections = ["requirements", "plots", "metrics", "versions"]
     assert re.findall('<section id="(.*?)"', text) == sections
-    assert re.findall('<a href="#(requirements|plots|figures|versions)">', text) == sections
+    assert re.findall('<a href="#(requirements|plots|metrics|versions)">', text) == sections
 
 
 @pytest.mark.slow
@@ -433,12 +474,12 @@ def test_values_of_metrics_are_on_a_phone(browser, tmp_path) -> None:
     (tmp_path / "report.html").write_text(report_page.report_html(summary, evaluation, tables()))
     page = browser.new_page(viewport={"width": 360, "height": 740})
     page.goto(f"file://{tmp_path}/report.html")
-    cells = page.locator("#figures td:visible")
+    cells = page.locator("#metrics td:visible")
     boxes = [cells.nth(k).bounding_box() for k in range(cells.count())]
     assert len(boxes) >= 7
     assert all(box["x"] >= 0 and box["x"] + box["width"] <= 360 for box in boxes)
     assert (
-        page.locator("#figures td.twin")
+        page.locator("#metrics td.twin")
         .first.evaluate("(cell) => getComputedStyle(cell, '::before').content")
         .startswith('"twin ')
     )
