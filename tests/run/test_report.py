@@ -268,7 +268,8 @@ def test_the_first_screen_answers() -> None:
     ):
         assert text in head
     verdicts = html[html.index('id="requirements"') : html.index('id="metrics"')]
-    key = verdicts[verdicts.index('<table class="key">') : verdicts.index("</table>")]
+    key = verdicts[verdicts.index('<table class="key">') :]
+    key = key[: key.index("</table>")]
     assert re.findall("<tr><td>(.*?)</td>", key) == ["PI", "PI+FF"]
     assert re.findall('<td class="number( soft)?">([^<]*)</td></tr>', key) == [("", "0.98"), ("", "0.14")]  # judged
     assert html.index("</header>") < html.index('id="requirements"')

@@ -119,7 +119,7 @@ class ReportChart extends Chart {
 class MachineFilm {
   constructor(place, { views, time, signals }) {
     Object.assign(this, { time, instant: 0, picture: place.appendChild(document.createElement("div")) });
-    this.signals = signals.map((track) => ({ ...track, values: unpackTrack(track) }));
+    this.signals = signals.map((track) => ({ ...track, values: track.integer ? unpackTrack(track).map(Math.round) : unpackTrack(track) }));
     this.move = drawViews(this.picture, views);
   }
 
