@@ -224,7 +224,7 @@ def test_a_changed_run_says_what_fails_and_what_it_was_in_the_default_run(tmp_pa
     assert warning not in rest
     assert "another" in rest
     assert "<b>order</b>, default run → this run: PI <span" in head.replace("PI+FF <span", "PI <span")
-    assert re.search("PI <span class=\"value\">20(.0*)? mN → ", head)
+    assert re.search('PI <span class="value">20(.0*)? mN → ', head)
     assert "0.11 N to 0.2 N →" in head
 
 
