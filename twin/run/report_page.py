@@ -268,8 +268,8 @@ def describe_difference(svg: str, other: str) -> str:
     texts = [
         title.replace(": ", " is ", 1) if title.partition(": ")[0] in members else f"with {title}" for title in new
     ]
-    kept = {title.partition(": ")[0] for title in new}
-    texts += [f"without {title}" for title in lost if title.partition(": ")[0] not in kept]
+    new_members = {title.partition(": ")[0] for title in new}
+    texts += [f"without {title}" for title in lost if title.partition(": ")[0] not in new_members]
     more = len(texts) - MAX_DIFFERENCES
     return "; ".join([*texts[:MAX_DIFFERENCES], *[f"{more} more"] * (more > 0)]) or "other delays or remarks"
 
