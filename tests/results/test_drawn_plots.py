@@ -97,7 +97,8 @@ def test_a_panel_for_each_variant() -> None:
     [
         (1, None, (1, 1), 2.9),
         (2, None, (2, 1), 1.65),
-        (7, None, (4, 2), 1.65),  # up to six below each other
+        (5, None, (5, 1), 0.92),  # two such plots on a page
+        (7, None, (4, 2), 0.92),  # up to six below each other
         (4, Y, (2, 3), 3.2),
     ],
 )
@@ -110,8 +111,16 @@ def test_panels_are_arranged_by_their_number(count: int, over: Any, shape: tuple
     assert figure.get_figheight() == pytest.approx(shape[0] * height + 0.75)
     assert sum(axis.get_visible() for axis in figure.axes) == count
     labels = [axis.get_ylabel() for axis in figure.axes if axis.get_ylabel()]
-    assert len(labels) == (0 if shape[0] > 2 else shape[0])  # one for all where they are many
-    assert (figure._supylabel is not None) is (shape[0] > 2)
+    assert len(labels) == (shape[0] == 1)  # one for all rows
+    assert (figure._supylabel is not None) is (shape[0] > 1)
+
+
+def test_a_label_that_is_longer_than_its_axis_is_the_quantity() -> None:
+    name = "a.x - " + " - ".join(["a.y"] * 20)
+    tables = {("PI", 1): signals()}
+    for text, label in ((name, "length [mm]"), ("a.x - a.y", "a.x - a.y [mm]")):
+        (axis,) = plot_figure([Plot("P", (PlotCurve(expression.parse(text), text),), unit="mm")], tables).axes
+        assert axis.get_ylabel() == label
 
 
 def test_several_plots_stand_below_each_other_with_their_titles() -> None:

@@ -3,8 +3,10 @@
 Over 400 lines: a page in a browser serves many tests.
 """
 
+import json
 import re
 from itertools import pairwise
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -39,6 +41,7 @@ from twin.run.scenes import ReportScenes
 from twin.structure import picture
 from twin.web import PackedArrays
 
+SHIPPED = Path(__file__).parents[2] / "scenarios" / "heart_wall_force.yaml"
 POSITION = Plot("Position", (PlotCurve(expression.parse("a.x"), "x"),), unit="mm", per_variant=True)
 EVENTS = [EventRow(2 * 10**9, "set a.k = 4 N/m")]
 
@@ -65,13 +68,19 @@ def test_the_first_sentence_of_a_description_stands_alone_and_code_is_marked() -
     assert report_page.mark_code("in `a<b>`") == "in <code>a&lt;b&gt;</code>"
 
 
-def test_all_structures_are_drawn_up_to_six(tmp_path) -> None:
-    structures = [((f"<svg id='s{number}'/>", ""), [f"v{number}"]) for number in range(8)]
+def test_the_system_is_drawn_once_and_variants_differ_in_words(tmp_path) -> None:
+    def drawing(*titles: str) -> str:
+        return f"<svg>{''.join(f'<title>{title}</title>' for title in titles)}</svg>"
+
+    first = drawing("controller: pi", "a.x → b.y\ndelay 1 ms", "tip: rod")
+    others = [drawing("controller: ff", "a.x → b.y", "tip: rod"), drawing("controller: pi", "b.y → a.x", "tip: rod")]
+    structures = [((svg, ""), [f"v{number}"]) for number, svg in enumerate([first, *others, *[first] * 12])]
     text = written(tmp_path, structures=structures)
-    assert [f"<svg id='s{number}'/>" in text for number in range(8)] == [True] * 6 + [False] * 2
-    assert text.count("<details><summary>v") == 6
+    assert (first in text, others[0] in text, text.count("<summary>Members and connections of v0")) == (True, False, 1)
+    words = re.findall('<p><b>(v\\d+)</b>: <span class="soft">(.*?)</span></p>', text)
+    assert words[:2] == [("v1", "controller is ff"), ("v2", "with b.y → a.x; without a.x → b.y")]
     assert "2 more differ: <code>twin graph x --variant NAME</code>" in text
-    assert "--variant NAME" not in written(tmp_path, structures=structures[:6])
+    assert "--variant NAME" not in written(tmp_path, structures=structures[:13])
 
 
 def test_points_of_a_page_are_limited() -> None:
@@ -128,7 +137,7 @@ def test_an_order_is_drawn_with_its_margins_after_the_curve_of_the_first_violati
     assert {"PI", "PI+FF", "std [mN]"} <= set(labels(charts[0].svg))
     rows = [result for result in evaluation.metric_results if result.metric.name == "std"]
     assert list(metric_charts.row_bounds(wanted[0], rows)) == [(1, pytest.approx(0.3 * rows[0].mean))]
-    section = text[text.index('id="requirements"') : text.index('id="figures"')]
+    section = text[text.index('id="requirements"') : text.index('id="metrics"')]
     assert re.findall(r'<a href="#plot-(\d)"', section) == ["1", "2", "3"]
     assert text.index("<summary>Failed: order</summary>") > text.index('id="plot-1"')
     worst = TIME[np.argmax(tables()["PI", 2].values["a.force"])]
@@ -179,6 +188,10 @@ def test_a_changed_run_names_the_command_that_compares_it_with_the_default_run(t
     changed = tmp_path / "2026-01-02_00-00-00"
     command = report_page.compare_command({"name": "x"}, "runs/x/2026-01-02_00-00-00", "")
     assert command == "twin run x; twin compare runs/x/latest runs/x/2026-01-02_00-00-00"
+    command = report_page.compare_command({"name": "x", "path": str(SHIPPED)}, "f 1/x/2026-01-02_00-00-00", "")
+    assert command == (
+        "twin run heart_wall_force --runs 'f 1'; twin compare 'f 1/x/latest' 'f 1/x/2026-01-02_00-00-00'"
+    )
     for day, overrides in ((1, ()), (2, ("a.k=4",)), (3, ("a.k=5",))):
         folder = tmp_path / f"2026-01-0{day}_00-00-00"
         folder.mkdir()
@@ -189,6 +202,30 @@ def test_a_changed_run_names_the_command_that_compares_it_with_the_default_run(t
     summary = results.build_summary(results.RunInfo("x", overrides=("a.k=4",)), evaluation, tables()) | {"sentence": ""}
     text = report_page.report_html(summary, evaluation, tables(), folder=str(changed), default_folder=str(own))
     assert f"Against the default run:</span> <code>twin compare {own} {changed}</code>" in text
+
+
+def test_a_changed_run_says_what_fails_and_what_it_was_in_the_default_run(tmp_path) -> None:
+    """With the warning of a range below the change, and both values of a failed metric."""
+    metrics = {"std": Metric("std", FORCE, "std", unit="mN")}
+    order = Expectation("order", metric="std", ordered=("PI+FF", "PI"))
+    evaluation = evaluate(metrics, [order, LIMIT], tables())
+    default = {"metrics": {"std": {"variants": {"PI": {"mean": 20.0}, "PI+FF": {"mean": 30.0}}}}}
+    default["expectations"] = [{"name": LIMIT.name, "detail": "a.force was 0.11 N to 0.2 N; expected from 0.1 N."}]
+    (tmp_path / "summary.json").write_text(json.dumps(default))
+    warning = "warning: a.k=4 is outside of the range that the scenario states, 0 to 1."
+    info = results.RunInfo("x", overrides=("a.k=4",), extra={"notes": [warning, "another"]})
+    summary = results.build_summary(info, evaluation, tables()) | {"sentence": ""}
+    text = report_page.report_html(
+        summary, evaluation, tables(), expectations=[order, LIMIT], default_folder=str(tmp_path), previous_values=["2"]
+    )
+    head, rest = text[text.index("<header>") : text.index("</header>")], text[text.index("</header>") :]
+    assert "With a.k 4 instead of 2, 2 of 2 requirements fail: " in head
+    assert head.index("<b>Changed:</b>") < head.index(f'<p class="warn">{warning}</p>')
+    assert warning not in rest
+    assert "another" in rest
+    assert "<b>order</b>, default run → this run: PI <span" in head.replace("PI+FF <span", "PI <span")
+    assert re.search('PI <span class="value">20(.0*)? mN → ', head)
+    assert "0.11 N to 0.2 N →" in head
 
 
 def test_changed_values_stand_below_the_sentence_and_first_in_their_table() -> None:
@@ -209,9 +246,9 @@ def test_plots_come_before_metrics(limit) -> None:
     evaluation = evaluate({"mean": Metric("mean", FORCE, "mean")}, [limit], tables())
     summary = results.build_summary(results.RunInfo("x"), evaluation, tables()) | {"sentence": ""}
     text = report_page.report_html(summary, evaluation, tables(), plots=PLOTS[:1], expectations=[limit])
-    sections = ["requirements", "plots", "figures", "versions"]
+    sections = ["requirements", "plots", "metrics", "versions"]
     assert re.findall('<section id="(.*?)"', text) == sections
-    assert re.findall('<a href="#(requirements|plots|figures|versions)">', text) == sections
+    assert re.findall('<a href="#(requirements|plots|metrics|versions)">', text) == sections
 
 
 @pytest.mark.slow
@@ -224,7 +261,8 @@ def test_panes_hold_what_was_recorded_and_what_failed() -> None:
     ((first, second),) = force.panels
     assert [first["title"], second["title"], first["unit"]] == ["PI, seed 1", "PI+FF, seed 1", "N"]
     assert first["lines"] == [0.2]
-    assert first["range"] == second["range"] == pytest.approx([0.091, 0.259], abs=1e-3)  # not up to 0.4
+    assert first["extent"] == second["extent"] == pytest.approx([0.15, 0.25], abs=1e-3)
+    assert first["shared"] == second["shared"] == pytest.approx([0.1, 0.22])  # violated limits; the axis is for both
     inside = np.zeros(len(TIME), bool)
     for case in (("PI", 1), ("PI", 2)):
         value = tables()[case].values["a.force"]
@@ -277,11 +315,18 @@ def place(page, chart: int, part: float) -> tuple[float, float]:
 @pytest.mark.slow
 def test_values_under_the_pointer_and_one_cursor_of_time(page) -> None:
     page.mouse.move(*place(page, 0, 0.5))
-    text = page.locator(".twin-hover:not([hidden])").inner_text()
-    value = tables()["PI", 2].values["a.force"][2500]  # of the seed that violates most
-    assert text.startswith("2.5")
-    assert "(seeds " in text
-    assert float(text.split("force")[1].split()[0]) == pytest.approx(value, abs=2e-3)
+    texts = page.locator(".twin-read:not([hidden])").all_inner_texts()
+    assert len(texts) == 2  # of both panes, above them: no read-out covers a curve
+    assert not page.locator(".twin-hover:not([hidden])").count()
+    for text, case in zip(texts, (("PI", 2), ("PI+FF", 1)), strict=True):  # of the seed that violates most
+        assert text.startswith("2.5")
+        assert "(seeds " in text
+        value = tables()[case].values["a.force"][2500]
+        assert float(re.search(r"([\d.]+) N", text)[1]) == pytest.approx(value, abs=2e-3)
+    reads = page.locator(".twin-read").evaluate_all("(all) => all.map((one) => one.offsetTop + one.offsetHeight)")
+    assert page.evaluate(f"{CHARTS}[0].boxes.map(({{ top }}) => top)") >= reads
+    low, high = page.evaluate(f"[{CHARTS}[0].boxes[0].low, {CHARTS}[0].boxes[0].high]")
+    assert (low < 0.1, high < 0.3) == (True, True)  # the edge at 0.4 N would take more than half of the height
     assert page.evaluate(f"{CHARTS}[1].time") == pytest.approx(2.5, abs=0.01)
 
 
@@ -409,7 +454,7 @@ def test_paper_has_plots_in_light_and_a_phone_has_nothing_cut(page) -> None:
     assert set(breaks) == {"avoid"}  # a title stays with its plot
     assert (page.evaluate(shown, "svg"), page.evaluate(shown, ".panels")) == ("block", "none")
     folds = "(all) => all.map((one) => getComputedStyle(one, '::details-content').contentVisibility)"
-    assert page.locator("#requirements details:not(.pass)").evaluate_all(folds) == ["visible"]
+    assert page.locator("#requirements details:not(.pass)").evaluate_all(folds) == ["hidden"]  # the list of cases
     page.evaluate("document.querySelector('.scroll').classList.add('cut')")
     assert page.locator(".cut").evaluate("(box) => getComputedStyle(box, '::before').content") == "none"
     page.emulate_media(media="screen")
@@ -433,12 +478,12 @@ def test_values_of_metrics_are_on_a_phone(browser, tmp_path) -> None:
     (tmp_path / "report.html").write_text(report_page.report_html(summary, evaluation, tables()))
     page = browser.new_page(viewport={"width": 360, "height": 740})
     page.goto(f"file://{tmp_path}/report.html")
-    cells = page.locator("#figures td:visible")
+    cells = page.locator("#metrics td:visible")
     boxes = [cells.nth(k).bounding_box() for k in range(cells.count())]
     assert len(boxes) >= 7
     assert all(box["x"] >= 0 and box["x"] + box["width"] <= 360 for box in boxes)
     assert (
-        page.locator("#figures td.twin")
+        page.locator("#metrics td.twin")
         .first.evaluate("(cell) => getComputedStyle(cell, '::before').content")
         .startswith('"twin ')
     )

@@ -16,7 +16,7 @@ def figure(*violations, panels=()):
 
 
 def test_failures_lead_to_the_first_plot_that_shows_them(monkeypatch):
-    """Else to none; metrics beside their reference to the table of figures."""
+    """Else to none; metrics beside their reference to the table of metrics."""
     results = [
         SimpleNamespace(name=name, verdict=verdict)
         for name, verdict in (("a", "fail"), ("fine", "pass"), ("b", "fail"), ("c", "fail"), ("odd", "skipped"))
@@ -29,8 +29,8 @@ def test_failures_lead_to_the_first_plot_that_shows_them(monkeypatch):
         ("line a", "plot-2"),
         ("line b", "plot-2"),
         ("line c", ""),
-        ("a metric", "figures"),
-        ("another", "figures"),
+        ("a metric", "metrics"),
+        ("another", "metrics"),
     ]
     monkeypatch.setattr(report_page, "list_failures", lambda _: [])
     assert link_failures(SimpleNamespace(expectation_results=results[1:2]), []) == []

@@ -166,6 +166,8 @@ def test_the_machine_replaces_the_lines_of_a_scene(run):
     assert rows == {"axis.position": 4, "axis.limited": 1, "grip.diameter": 1}
     (position,) = (track for track in film["signals"] if track["name"] == "axis.position")
     assert position["low"] + position["step"] * 65534 == pytest.approx(1.5)
+    whole = {track["name"]: track["integer"] for track in film["signals"]}  # `step 7.99997` stood in a scene
+    assert whole == {name: recorded["PI", 1].values[name].dtype.kind in "bi" for name in whole}
     folder = run()
     every = lint(folder / "scenario.yaml", imports=False)[0].scenes
     films = scenes.report_scenes(

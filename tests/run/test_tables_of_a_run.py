@@ -216,7 +216,7 @@ def test_a_matrix_has_failures_first_but_columns_of_variants_have_their_order() 
     assert found.rows == (
         MatrixRow(
             "FF",
-            (MatrixCell("60", ("paper 50", "ratio 1.20"), 60.0, "fail"), MatrixCell("60", (), 60.0, "fail")),
+            (MatrixCell("60", ("paper 50 ± 10 %", "ratio 1.20 ✗"), 60.0, "fail"), MatrixCell("60", (), 60.0, "fail")),
             ("small", "last"),
         ),
         MatrixRow("PI", (MatrixCell(), MatrixCell("30", (), 30.0, "info")), ()),
@@ -415,8 +415,8 @@ def test_panes_of_a_plot() -> None:
     assert [pane["case"] for pane in panes] == [("v0", 1), ("v1", 1), ("v2", 1)]
     assert [pane["unit"] for pane in panes] == ["mN"] * 3
     assert panes[0]["lines"] == [2000.0]
-    assert [pane["range"] for pane in panes] == [pytest.approx([-300.0, 5300.0])] * 3  # of all variants
-    assert "range" not in charts(3)[0][0][0]
+    assert [(pane["extent"], pane["shared"]) for pane in panes] == [([0.0, 5000.0], [4000.0])] * 3  # of all variants
+    assert "extent" not in charts(3)[0][0][0]
     assert [pane["spans"] for pane in panes] == [[], [], [{"from": 2.0, "to": 2.0}]]
     assert [pane["limits"][2:] for pane in panes[::2]] == [[], [{"y": 4000.0, "from": 1.0, "to": 4.0, "failed": True}]]
     assert panes[0]["limits"] == [{"y": y, "from": 0.0, "to": 4.0, "failed": False} for y in (500.0, 1000.0)]

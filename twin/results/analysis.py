@@ -23,6 +23,7 @@ from twin import clock
 from twin.component import catalog
 from twin.coupling import MemberVariable
 from twin.errors import ScenarioError, TwinError, nearest
+from twin.results.evaluation.reduction import window_end
 from twin.results.recording.signals import FULL_RUN, Window, window_mask
 
 if TYPE_CHECKING:
@@ -117,13 +118,14 @@ class Analysis:
         if not results:
             return signals
         mask = window_mask(np.asarray(signals.time), self.window)
-        values, units = dict(signals.values), dict(signals.units)
+        values, units, lengths = dict(signals.values), dict(signals.units), dict(signals.window_lengths)
         for name, variable in self.variables().items():
             column = np.full(len(mask), np.nan)
             column[mask] = results[name]
             values[f"{self.name}.{name}"] = column
             units[f"{self.name}.{name}"] = variable.unit
-        return replace(signals, values=values, units=units)
+            lengths[f"{self.name}.{name}"] = self.window_length
+        return replace(signals, values=values, units=units, window_lengths=lengths)
 
 
 def source_analyses(analyses: Iterable[Analysis], signal: Expression) -> list[Analysis]:
@@ -140,9 +142,8 @@ def trace_to_inputs(violation: Violation, analyses: Sequence[Analysis], tables: 
     ends: dict[tuple[str, int], float | None] = {}
     for case, instant in (violation.worst or violation.cases).items():
         parts = list(tables[case].evaluate_parts(violation.signal, violation.window))
-        if instant is not None and parts:  # a result that stays for a while is of the window before its last row
-            time, value = map(np.concatenate, zip(*parts, strict=True))
-            ends[case] = float(time[value == value[np.argmin(np.abs(time - instant))]][-1])
+        if instant is not None and parts:
+            ends[case] = window_end(parts, instant)
     units = next(iter(tables.values())).units
     return [
         replace(

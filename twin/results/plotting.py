@@ -42,6 +42,7 @@ MARKERS = ("o", "x", "^", "s", "+", "d")
 MAX_POINTS = 1400  # about twice the pixels across a panel: more are invisible
 STYLE, WIDTH = figure_files.STYLE, figure_files.WIDTH
 LEGEND_LETTERS = 130  # letters in a row of the legend
+LETTER_WIDTH = 0.075  # of a label of an axis [inch]
 DEFAULT_PLOTS = 8  # at most, of a scenario without `plots`
 
 
@@ -259,7 +260,7 @@ def panel_rows(plot: Plot, panels: list[list[str]]) -> int:
 
 def row_height(plot: Plot, panels: list[list[str]]) -> float:
     """Height of a panel [inch]."""
-    return 3.2 if is_loop_plot(plot) else 1.65 if len(panels) > 1 else 2.9
+    return 3.2 if is_loop_plot(plot) else 2.9 if len(panels) < 2 else 1.65 if len(panels) < 4 else 0.92
 
 
 def draw_plot(
@@ -466,8 +467,10 @@ def add_labels(figure: Any, grid: Any, plot: Plot, kinds: set[str], side: str) -
     for axis in grid[-1]:
         axis.set_xlabel(x_label)
     several = "0: false, 1: true" if kinds == {"b"} else plot_annotations.quantity_name(plot.unit)
-    label = axis_label(plot.label or (plot.curves[0].label if len(plot.curves) == 1 else several), plot.unit)
-    if len(grid) > 2:
+    own = plot.label or (plot.curves[0].label if len(plot.curves) == 1 else several)
+    fits = LETTER_WIDTH * len(own) < 0.9 * sum(axis.get_window_extent().height for axis in grid[:, 0]) / figure.dpi
+    label = axis_label(own if fits or not several else several, plot.unit)
+    if len(grid) > 1:
         figure.supylabel(label, fontsize=9.5, color="#3e4c59")
     else:
         for row in grid:

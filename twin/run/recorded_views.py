@@ -71,7 +71,15 @@ def machine_film(
     return {
         "views": views,
         "time": page.round_values(np.asarray(signals.time)[indices]),
-        "signals": [{"name": name, "shape": si[name].shape[1:], **page.pack_values(rows[name])} for name in names],
+        "signals": [
+            {
+                "name": name,
+                "shape": si[name].shape[1:],
+                "integer": values[name].dtype.kind in "biu",
+                **page.pack_values(rows[name]),
+            }
+            for name in names
+        ],
     }
 
 

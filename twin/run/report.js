@@ -1,7 +1,8 @@
 // Curves of a report in place of its still plots. All have one window and one cursor of time, which moves the scene too. After player.js.
 
-import { Chart } from "./chart.js";
+import { Chart, swatch } from "./chart.js";
 import { isMarked } from "./painter.js";
+import { rowsAt } from "./pointer.js";
 import { unpack, visible } from "./samples.js";
 import { drawViews, elementOf } from "./views.js";
 
@@ -31,6 +32,26 @@ class ReportChart extends Chart {
     element.addEventListener("click", () => { if (this.hover) { isPinned = false; selectCase(this.panes[this.hover.pane].case); } });
     element.addEventListener("pointerleave", () => this.setTime(shownTime));
     scrollThrough(element);
+  }
+
+  // values of all panes at the time under the pointer, above each pane where they cover no curve; of loops beside the pointer
+  setHover(hover) {
+    super.setHover(hover);
+    const time = hover && !this.panes[hover.pane].own ? hover.at : null;
+    if (time !== null) this.readout.hidden = true;
+    this.reads ??= [];
+    while (this.reads.length < this.panes.length) this.reads.push(Object.assign(this.element.appendChild(document.createElement("div")), { className: "twin-read", hidden: true }));
+    this.reads.forEach((read, index) => {
+      const rows = time === null || index >= this.panes.length ? [] : rowsAt(this, index, time);
+      read.hidden = !rows.length;
+      if (!rows.length) return;
+      read.style.top = `${this.boxes[index].head + 1}px`;
+      read.replaceChildren(Object.assign(document.createElement("b"), { textContent: hover.title }), ...rows.map(({ label, text, ...curve }) => {
+        const row = document.createElement("div");
+        row.append(swatch(curve), rows.length > 1 ? `${label} ${text}` : text);
+        return row;
+      }));
+    });
   }
 
   // show the pane of a title alone, or all panes
@@ -78,10 +99,11 @@ class ReportChart extends Chart {
     if (event === "cursors") for (const other of others) other.setCursors([a, b].filter((time) => time !== undefined));
   }
 
-  // the scene begins with the curves, or at the first violation
+  // the scene begins at the worst violation, else halfway: at its start many a machine stands
   start() {
+    const [first, last] = this.axis();
     isAtStart = true;
-    goTo({ time: this.axis()[0], ...start });
+    goTo({ time: (first + last) / 2, ...start });
   }
 
   // dim in panes without a legend of their own what is dimmed in the first one
@@ -97,7 +119,7 @@ class ReportChart extends Chart {
 class MachineFilm {
   constructor(place, { views, time, signals }) {
     Object.assign(this, { time, instant: 0, picture: place.appendChild(document.createElement("div")) });
-    this.signals = signals.map((track) => ({ ...track, values: unpackTrack(track) }));
+    this.signals = signals.map((track) => ({ ...track, values: track.integer ? unpackTrack(track).map(Math.round) : unpackTrack(track) }));
     this.move = drawViews(this.picture, views);
   }
 

@@ -58,7 +58,7 @@ def metric_cells(result: MetricResult, style: MetricFormat) -> dict[str, str]:
         "worst": result.metric.named(result.worst, style.text(result.worst, result.scale))
         if result.metric.has_worst
         else "-",
-        "ratio": "-" if result.ratio is None or result.verdict == "other" else f"{result.ratio:.2f}",
+        "ratio": "-" if result.ratio is None else f"{result.ratio:.2f}",
         "tolerance": f"± {100 * tolerance:g} %" if tolerance is not None and result.paper is not None else "-",
         "description": result.metric.description,
         "definition": metric_definition(result.metric),
@@ -105,6 +105,8 @@ def results_table(evaluation: Evaluation, verbose: bool = False) -> Group:
             name = f"{result.name}: " if has_own_name(result) else ""
             texts = [result.detail, *[result.more] * (verbose and bool(result.more))]
             verdicts.add_row(Text(*VERDICTS[result.verdict]), Text(name + " ".join(texts)))
+            for variant, seed, value, time in result.cases if verbose else ():
+                verdicts.add_row("", Text(f"{variant}, seed {seed}: {value}{', ' * bool(time)}{time}"))
     for sentence in evaluation.unjudged if expectations else ():
         verdicts.add_row(Text(*VERDICTS["unjudged"]), Text(sentence))
     for verdict, text in () if verbose else count_verdicts(expectations, metrics).items():

@@ -75,7 +75,7 @@ def plot_charts(
     panes = [builder.build(len(panels) > 1) for builder in builders]
     are_codes = all(plotting.curve_kind(curve, tables) for curve in plot.curves)
     if (plot.band or are_codes) and not plotting.is_loop_plot(plot):
-        shared = shared_range([value for builder in builders for value in builder.extremes], panes)
+        shared = shared_extent([value for builder in builders for value in builder.extremes], panes)
         panes = [pane | shared for pane in panes]
     if plotting.is_loop_plot(plot):
         return [[pane] for pane in panes]
@@ -224,16 +224,16 @@ class PaneBuilder:
         ]
 
 
-def shared_range(extremes: Sequence[float], panes: Sequence[Mapping[str, Any]]) -> dict[str, list[float]]:
-    """Return `range`, one axis for the panes of variants: their curves, lines and the violated limits near them, with a margin.
+def shared_extent(extremes: Sequence[float], panes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return `extent`, the range of the curves and lines of all panes, and `shared`, the violated limits of all: one axis.
 
-    The edges of a band do not count, since a wide band would flatten the curves. Empty without a finite range.
+    Which limits are inside is decided by the chart (`verticalRange` of painter.js). Empty without a finite range.
     """
     values = [value for value in extremes if np.isfinite(value)] + [line for pane in panes for line in pane["lines"]]
-    low, high = min(values, default=0.0), max(values, default=0.0)
-    limits = [limit["y"] for pane in panes for limit in pane["limits"] if limit["failed"]]
-    values += [limit for limit in limits if 2 * low - high < limit < 2 * high - low]
-    return padded_range(values)
+    if not values or min(values) == max(values):
+        return {}
+    limits = {limit["y"] for pane in panes for limit in pane["limits"] if limit["failed"]}
+    return {"extent": [min(values), max(values)], "shared": sorted(limits)}
 
 
 def padded_range(values: Sequence[float]) -> dict[str, list[float]]:

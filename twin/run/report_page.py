@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import re
+import shlex
 from dataclasses import replace
+from html import unescape
 from itertools import zip_longest
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +20,8 @@ from twin.results import (
     count_verdicts,
     find_violations,
     group_lines,
+    metric_formats,
+    si_conversion,
     trace_to_inputs,
     worst_seeds_first,
 )
@@ -25,6 +30,7 @@ from twin.run.report import VERDICTS, has_own_name, is_failure, list_failures, m
 from twin.run.report_figure import ReportFigure
 from twin.run.report_plots import HERE, draw_plots
 from twin.run.variant_matrix import build_matrix
+from twin.scenario import scenario_paths
 from twin.scene import page as scene_page
 from twin.web import PackedArrays, chart_script, embed_json, read_static, report_templates
 
@@ -38,11 +44,12 @@ if TYPE_CHECKING:
     from twin.run.parameter_table import ParameterRow
     from twin.run.scenes import ReportScenes
 
+    Change = tuple[str, str]  # name with value, and what it was or what the component's default is
+
 SECTIONS = {  # of report.html: titles in its table of contents
     "requirements": "Requirements",
     "plots": "Plots",
-    "matrix": "Variants",
-    "figures": "Metrics",
+    "metrics": "Metrics",
     "notes": "Notes",
     "hardware": "Hardware",
     "half": "Step refinement",
@@ -51,8 +58,10 @@ SECTIONS = {  # of report.html: titles in its table of contents
     "parameters": "Parameters",
     "versions": "Versions",
 }
+MAX_NAMES = 3  # of failed requirements in the sentence
 MAX_KEY_ROWS = 8  # variants of the table on the first screen
-MAX_STRUCTURES = 6  # diagrams, if variants differ
+MAX_STRUCTURES = 12  # variants with other members or connections, in words
+MAX_DIFFERENCES = 6  # members and connections of such a variant
 RULE = (
     "Pointer: values, and the case and time of the scene. Click: time t1, then t2, with values in every pane. Shift-drag: move. "
     "Ctrl and wheel: zoom at the pointer. Click a name: dim its curve. Values are rounded to 1/65,536 of the range of their curve."
@@ -109,7 +118,7 @@ def link_failures(evaluation: Evaluation, figures: Sequence[ReportFigure]) -> li
     failures = list_failures(evaluation)
     numbers = [plots.get(result.name, len(figures) + 1) for result in expectations]
     targets = [f"plot-{number}" if number <= len(figures) else "" for number in numbers]
-    metrics = [(failure, "figures") for failure in failures[len(expectations) :]]
+    metrics = [(failure, "metrics") for failure in failures[len(expectations) :]]
     order = sorted(range(len(expectations)), key=numbers.__getitem__)
     return [*((failures[i], targets[i]) for i in order), *metrics]
 
@@ -165,7 +174,13 @@ def report_html(
     films = scenes.films if scenes else []
     variants = list(dict.fromkeys(variant for variant, _ in tables))
     reason = "; ".join(group_lines(str(summary.get("reason") or "").splitlines(), tables))
-    summary = {**summary, "reason": reason, "notes": group_lines(summary.get("notes", ()), tables)}
+    changes = describe_changes(summary.get("overrides", ()), previous_values, parameters)
+    failures = link_failures(evaluation, figures)
+    notes = group_lines(summary.get("notes", ()), tables)
+    changed_notes = [note for note in notes if any(option in note for option in summary.get("overrides", ()))]
+    sentence = summary.get("sentence") or outcome_sentence(summary, [failure for failure, _ in failures], changes)
+    notes = [note for note in notes if note not in changed_notes]
+    summary = {**summary, "reason": reason, "notes": notes, "sentence": sentence}
     return (
         report_templates("twin.run", "twin.scene")
         .get_template("report.html")
@@ -178,7 +193,10 @@ def report_html(
             counts=count_verdicts(summary),
             not_judged=sum(result.verdict == "skipped" for result in evaluation.expectation_results),
             published=sum(result.verdict == "pass" for result in evaluation.metric_results),
-            failures=link_failures(evaluation, figures),
+            failures=failures,
+            changed_notes=changed_notes,
+            differences=compare_failures(expectations, evaluation, read_summary(default_folder)),
+            run_reference=run_reference(summary["scenario"]),
             folder=folder,
             plots=[
                 *figures,
@@ -187,7 +205,7 @@ def report_html(
             ],
             members=group_by_member(parameters),
             compare=compare_command(summary["scenario"], folder, default_folder),
-            changes=describe_changes(summary.get("overrides", ()), previous_values, parameters),
+            changes=changes,
             events=events,
             scenes_left_out=scenes.left_out if scenes else 0,
             words={key: word for key, (word, _) in VERDICTS.items()},
@@ -199,8 +217,8 @@ def report_html(
             has_reference=any(result.paper is not None for result in evaluation.metric_results),
             variants=variants,
             seeds=list(dict.fromkeys(seed for _, seed in tables)),
-            structures=titled_structures(structures[:MAX_STRUCTURES]),
-            more_structures=len(structures[MAX_STRUCTURES:]),
+            structures=titled_structures(structures[: MAX_STRUCTURES + 1]),
+            more_structures=len(structures[MAX_STRUCTURES + 1 :]),
             refinements=refinements,
             matrix=build_matrix(evaluation, violations, variants),
             titles=SECTIONS,
@@ -230,9 +248,30 @@ def early_terminations(terminations: Mapping[tuple[str, int], HardwareTerminatio
 
 def titled_structures(
     structures: Sequence[tuple[tuple[str, str], Sequence[str]]],
-) -> list[tuple[str, str, str]]:
-    """Return each diagram as (SVG, remarks, names of its variants); no names where there is one diagram only."""
-    return [(svg, remarks, "; ".join(names) * (len(structures) > 1)) for (svg, remarks), names in structures]
+) -> tuple[tuple[str, str, str] | None, list[tuple[str, str]]]:
+    """Return the first diagram as (SVG, remarks, names of its variants), and how those of other variants differ in words."""
+    if not structures:
+        return None, []
+    ((svg, remarks), names), *others = structures
+    differences = [("; ".join(own), describe_difference(svg, other)) for (other, _), own in others]
+    return (svg, remarks, "; ".join(names) * bool(others)), differences
+
+
+def describe_difference(svg: str, other: str) -> str:
+    """Return the members and connections of another diagram that differ, by the titles of their lines and boxes."""
+    titles = [
+        {unescape(title).splitlines()[0] for title in re.findall("<title>(.+?)</title>", each, re.DOTALL)}
+        for each in (svg, other)
+    ]
+    lost, new = (sorted(titles[0] - titles[1]), sorted(titles[1] - titles[0]))
+    members = {title.partition(": ")[0] for title in lost if ": " in title}
+    texts = [
+        title.replace(": ", " is ", 1) if title.partition(": ")[0] in members else f"with {title}" for title in new
+    ]
+    new_members = {title.partition(": ")[0] for title in new}
+    texts += [f"without {title}" for title in lost if title.partition(": ")[0] not in new_members]
+    more = len(texts) - MAX_DIFFERENCES
+    return "; ".join([*texts[:MAX_DIFFERENCES], *[f"{more} more"] * (more > 0)]) or "other delays or remarks"
 
 
 def group_by_member(parameters: Sequence[ParameterRow]) -> dict[str, list[ParameterRow]]:
@@ -245,7 +284,7 @@ def group_by_member(parameters: Sequence[ParameterRow]) -> dict[str, list[Parame
 
 def describe_changes(
     overrides: Sequence[str], previous_values: Sequence[str], parameters: Sequence[ParameterRow]
-) -> list[tuple[str, str]]:
+) -> list[Change]:
     """Return each override as `name value`, and what it was or what the component's default is."""
     defaults = {f"{row.member}.{row.name}": row.default for row in parameters}
     changes = []
@@ -269,12 +308,69 @@ def with_computed(curves: Sequence[ReportFigure], charts: Sequence[ReportFigure]
     return [*figures, *others]
 
 
+def run_reference(scenario: Mapping[str, str]) -> str:
+    """Return what `twin run` takes for a scenario: the name of a shipped one, or its path."""
+    path = Path(scenario.get("path") or scenario["name"])
+    return path.stem if scenario_paths.is_shipped(path) else shlex.quote(str(path))
+
+
 def compare_command(scenario: Mapping[str, str], folder: str, default_folder: str) -> str:
     """Return the command that compares a run with one of the scenario's own parameters, which it runs if there is none."""
+    own = shlex.quote(folder)
     if default_folder:
-        return f"twin compare {default_folder} {folder}"
-    name = scenario.get("path") or scenario["name"]
-    return f"twin run {name}; twin compare {PurePath(folder).parent / 'latest'} {folder}"
+        return f"twin compare {shlex.quote(default_folder)} {own}"
+    root, latest = PurePath(folder).parent.parent, PurePath(folder).parent / "latest"
+    runs = f" --runs {shlex.quote(str(root))}" * (root.name != "runs" or root.is_absolute())
+    return f"twin run {run_reference(scenario)}{runs}; twin compare {shlex.quote(str(latest))} {own}"
+
+
+def outcome_sentence(
+    summary: Mapping[str, Any], failures: Sequence[ExpectationResult], changes: Sequence[Change]
+) -> str:
+    """Return what was changed and which requirements fail, for a run without a sentence of its scenario; empty if nothing is judged."""
+    met, judged = count_verdicts(summary)
+    if not judged or summary["status"] != "completed":
+        return ""
+    texts = [name + f" instead of {was.partition(' ')[2]}" * bool(was) for name, was in changes]
+    names = [failure.name for failure in failures]
+    more = len(names) - MAX_NAMES
+    listed = "; ".join(names[:MAX_NAMES]) + f"; {more} more" * (more > 0)
+    outcome = (
+        f"{judged - met} of {judged} requirements fail: {listed}." if names else f"all {judged} requirements are met."
+    )
+    outcome = f"With {', '.join(texts)}, {outcome}" if texts else outcome
+    return outcome[:1].upper() + outcome[1:]
+
+
+def compare_failures(
+    expectations: Sequence[Expectation], evaluation: Evaluation, default: Mapping[str, Any]
+) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Return each failed requirement with its variants and their metric in the default run and in this one: `20 mN → 30 mN`.
+
+    Of a requirement of a signal, its range in the default run. `default`: summary of that run; what it has no value of is left out.
+    """
+    formats, ranges = metric_formats(evaluation.metric_results), {}
+    for outcome in default.get("expectations", ()):
+        ranges[outcome["name"]] = outcome["detail"].partition(" was ")[2].partition("; expected")[0]
+    differences = []
+    for expectation, result in zip(expectations, evaluation.expectation_results, strict=False):
+        rows = []
+        for own in evaluation.metric_results if result.verdict == "fail" else ():
+            variants = default.get("metrics", {}).get(own.metric.name, {}).get("variants", {})
+            before = variants.get(own.variant, {}).get("mean")
+            if expectation.judges(own) and None not in (before, own.mean):
+                factor, offset = si_conversion(own.metric.unit, own.metric.is_difference)
+                style, values = formats[own.metric.name], (before * factor + offset, own.mean)
+                rows.append((own.variant, " → ".join(style.text(value, own.scale) for value in values)))
+        if result.verdict == "fail" and not rows and ranges.get(result.name):
+            rows.append((f"{ranges[result.name]} →", "outside of the limits"))
+        differences += [(result.name, rows)] * bool(rows)
+    return differences
+
+
+def read_summary(folder: str) -> dict[str, Any]:
+    """Return the summary of a run; empty without a folder."""
+    return json.loads((Path(folder) / "summary.json").read_text(encoding="utf-8")) if folder else {}
 
 
 def page_scripts(

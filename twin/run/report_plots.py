@@ -125,7 +125,7 @@ def plot_note(plot: Plot, tables: Tables, shown_violations: Sequence[Violation])
     parts = []
     if plot.band:
         edges = " to ".join(plot.shown(value) for value in plot.band)
-        parts.append(f"band: {edges}, its edges as lines where they are in view")
+        parts.append(f"band: {edges}")
     if plot.lines:
         parts.append("dashed: " + ", ".join(plot.shown(value) for value in plot.lines))
     seeds = list(dict.fromkeys(seed for _, seed in tables))
@@ -159,7 +159,8 @@ def code_note(plot: Plot, codes: Mapping[str, Mapping[int, str]]) -> str:
 
 def violation_note(violation: Violation, plot: Plot) -> str:
     """Return what is violated and in which variants of the plot: `violates safe: a.force at most 1 N, in PI`."""
-    name = "" if violation.text.startswith(violation.name) else f"{violation.name}: "
+    is_own = plot.title == f"Failed: {violation.name}"  # its title and those of its panes say name and variants
+    name = "" if is_own or violation.text.startswith(violation.name) else f"{violation.name}: "
     variants = [variant for variant in violation.variants if not plot.variants or variant in plot.variants]
     verb = f"the worst {violation.span:g} s, which violate" if violation.span else "violates"
-    return f"{verb} {name}{violation.text}, in {list_names(variants)}"
+    return f"{verb} {name}{violation.text}" + f", in {list_names(variants)}" * (not is_own)

@@ -66,8 +66,10 @@ def matrix_cell(result: MetricResult, style: MetricFormat, verdict: str) -> Matr
     )
     notes = [f"worst {worst}"] * (worst != text) if metric.has_worst else [f"seeds {low} to {high}"] * (low != high)
     if result.paper is not None:
-        notes.append(f"paper {style.reference(result.paper).removesuffix(style.label).rstrip()}")
-        notes += [f"ratio {result.ratio:.2f}"] * (result.ratio is not None)
+        tolerance = "" if metric.tolerance is None else f" ± {100 * metric.tolerance:g} %"
+        notes.append(f"paper {style.reference(result.paper).removesuffix(style.label).rstrip()}{tolerance}")
+        mark = {"pass": " ✓", "fail": " ✗"}.get(result.verdict, "")
+        notes += [f"ratio {result.ratio:.2f}{mark}"] * (result.ratio is not None)
     return MatrixCell(metric.named(result.mean, text), tuple(notes), (result.mean - offset) / factor, verdict)
 
 

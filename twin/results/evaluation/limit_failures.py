@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from twin.results.evaluation.coverage import describe_cases
-from twin.results.evaluation.reduction import is_outside, limit_excess
+from twin.results.evaluation.reduction import is_outside, limit_excess, window_end
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
+    from twin.results.evaluation.expression import Expression
     from twin.results.evaluation.metrics import Expectation
-
-MAX_CASES = 6  # in the details of a failure
+    from twin.results.recording.signals import Signals, Window
 
 Case = tuple[str, int]
 
@@ -22,7 +24,7 @@ Case = tuple[str, int]
 class CaseRange:
     """Smallest and largest value of a case [SI], their times and that of the first violation [s]; no times for a metric.
 
-    `case`: variant and seed; None of the mean over all cases.
+    `case`: variant and seed; None of the mean over all cases. `window_length` [s]: of values that are of so long before their times.
     """
 
     case: Case | None
@@ -31,6 +33,17 @@ class CaseRange:
     low_time: float | None = None
     high_time: float | None = None
     first_violation: float | None = None
+    window_length: float = 0.0
+
+
+def in_windows(row: CaseRange, signal: Expression, window: Window, signals: Signals) -> CaseRange:
+    """Return a row with the ends of the windows as its times, if values of the signal are of windows before their rows."""
+    length = signals.window_length(signal)
+    if not length or row.low_time is None or row.high_time is None:
+        return row
+    parts = list(signals.evaluate_parts(signal, window))
+    ends = [window_end(parts, instant) for instant in (row.low_time, row.high_time)]
+    return replace(row, low_time=ends[0], high_time=ends[1], window_length=length)
 
 
 @dataclass(frozen=True)
@@ -42,6 +55,7 @@ class LimitSample:
     time: float | None
     excess: float
     is_low: bool
+    window_length: float = 0.0
 
 
 def describe_limits(expectation: Expectation) -> tuple[str, str, str]:
@@ -61,10 +75,18 @@ def violating_samples(expectation: Expectation, row: CaseRange) -> list[LimitSam
     low, high = expectation.at_least, expectation.at_most
     sides = ((row.low, row.low_time, low, None), (row.high, row.high_time, None, high))
     return [
-        LimitSample(row.case, value, time, float(limit_excess(value, *limits)), limits[1] is None)
+        LimitSample(row.case, value, time, float(limit_excess(value, *limits)), limits[1] is None, row.window_length)
         for value, time, *limits in sides
         if is_outside(value, *limits)
     ]
+
+
+def extreme_samples(samples: tuple[Any, Any], expectation: Expectation) -> np.ndarray[Any, Any]:
+    """Return time and value of the smallest, the largest and the first violating sample, (2 or 3, 2); (0, 2) without samples."""
+    time, value = samples
+    violating = np.flatnonzero(is_outside(value, expectation.at_least, expectation.at_most))
+    indices = [int(np.argmin(value)), int(np.argmax(value)), *violating[:1]] if len(value) else []
+    return np.stack([time[indices], np.asarray(value, np.float64)[indices]], axis=1)
 
 
 def describe_failure(
@@ -77,16 +99,23 @@ def describe_failure(
     worst = [max(side, key=lambda sample: sample.excess) for side in sides if side]
     limits = f", expected {expected.removeprefix('from ')}" if expectation.name else ""
     cases = [row.case for row in failing if row.case is not None]
-    brief, full = describe_cases(cases, run), describe_cases(cases, run, len(run))
+    brief = describe_cases(cases, run)
     others = f"fails in {brief}" if len(cases) > 1 and brief else ""
     line = [f"{describe_samples(worst, run, shown)}{limits}", describe_first(failing, worst, run), others]
-    more = [f"Judged: {what}{expectation.window.text}."] * bool(expectation.name)
-    if 1 < len(failing) <= MAX_CASES:
-        texts = [describe_samples(violating_samples(expectation, row), run, shown) for row in failing]
-        more.append(f"Worst of each run: {'; '.join(texts)}.")
-    elif full != brief:
-        more.append(f"Fails in {full}.")
-    return f"{'; '.join(filter(None, line))}.", " ".join(more)
+    more = f"Judged: {what}{expectation.window.text}." * bool(expectation.name)
+    return f"{'; '.join(filter(None, line))}.", more
+
+
+def list_cases(
+    expectation: Expectation, failing: Iterable[CaseRange], shown: Callable[[float], str]
+) -> tuple[tuple[str, int, str, str], ...]:
+    """Return variant, seed, value and time of the worst samples of each case, as texts; none of a mean over all."""
+    return tuple(
+        (*row.case, shown(sample.value), time_text(sample.time, sample.window_length).strip().removeprefix("at "))
+        for row in failing
+        if row.case
+        for sample in violating_samples(expectation, row)
+    )
 
 
 def describe_samples(samples: Iterable[LimitSample], run: Sequence[Case], shown: Callable[[float], str]) -> str:
@@ -95,13 +124,15 @@ def describe_samples(samples: Iterable[LimitSample], run: Sequence[Case], shown:
     for sample in samples:
         case = ", the mean of all runs" if sample.case is None else describe_cases([sample.case], run)
         where = f" in {case}" if case and sample.case else case
-        texts.setdefault(where, []).append(shown(sample.value) + time_text(sample.time))
+        texts.setdefault(where, []).append(shown(sample.value) + time_text(sample.time, sample.window_length))
     return " and ".join(" and ".join(dict.fromkeys(own)) + where for where, own in texts.items())
 
 
 def describe_first(failing: Sequence[CaseRange], worst: Sequence[LimitSample], run: Sequence[Case]) -> str:
-    """Return the time of the first violation, with its case if it is not that of the worst samples; empty if it is one of them."""
-    times = [(row.first_violation, row.case) for row in failing if row.first_violation is not None]
+    """Return the time of the first violation, with its case if it is not that of the worst samples; empty if it is one of them, or of windows."""
+    times = [
+        (row.first_violation, row.case) for row in failing if not (row.first_violation is None or row.window_length)
+    ]
     if not times:
         return ""
     time, case = min(times, key=lambda each: each[0])
@@ -111,6 +142,8 @@ def describe_first(failing: Sequence[CaseRange], worst: Sequence[LimitSample], r
     return f"first{time_text(time)}" + (f" in {text}" if text else "")
 
 
-def time_text(time: float | None) -> str:
-    """Return ` at 1.2 s`; empty without a time."""
-    return "" if time is None else f" at {time:.6g} s"
+def time_text(time: float | None, window_length: float = 0.0) -> str:
+    """Return ` at 1.2 s`, of the value of a window ` in 12 s to 22 s`; empty without a time."""
+    if time is None:
+        return ""
+    return f" in {time - window_length:.6g} s to {time:.6g} s" if window_length else f" at {time:.6g} s"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,7 +23,15 @@ from twin.results.evaluation.coverage import (
     variants_of,
 )
 from twin.results.evaluation.hardware_termination import HardwareTermination, check_termination
-from twin.results.evaluation.limit_failures import CaseRange, describe_failure, describe_limits, violating_samples
+from twin.results.evaluation.limit_failures import (
+    CaseRange,
+    describe_failure,
+    describe_limits,
+    extreme_samples,
+    in_windows,
+    list_cases,
+    violating_samples,
+)
 from twin.results.evaluation.metric_format import display_units
 from twin.results.evaluation.ordering import check_order
 from twin.results.evaluation.reduction import INSTANT_INDEX, extreme_times, is_outside, reduce_samples
@@ -201,12 +209,14 @@ class ExpectationResult:
     """Result of one expectation: pass, fail, or skipped if its variants were not run, or not to the end of its window.
 
     `detail`: one line; of a failure the worst values, the limits, the time and the cases. `more`: what was left out there.
+    `cases`: variant, seed, value and time of each, if a requirement fails in several.
     """
 
     name: str
     verdict: str
     detail: str
     more: str = ""
+    cases: tuple[tuple[str, int, str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -260,9 +270,9 @@ def evaluate(
             result = ExpectationResult(*check_termination(expectation, complete, terminations))
         else:
             result = check_expectation(expectation, present, complete)
-            if has_ended and result.verdict == "pass":
-                if cut := describe_cut_expectation(expectation, metrics, complete):
-                    result = replace(result, verdict="skipped", detail=cut)
+            is_passed = has_ended and result.verdict == "pass"
+            if is_passed and (cut := describe_cut_expectation(expectation, metrics, complete)):
+                result = replace(result, verdict="skipped", detail=cut)
         if result.verdict != "skipped":
             suffix = describe_judged(expectation, judged_variants(expectation, present, complete), run)
             result = replace(result, more=f"{result.more} {suffix}".strip())
@@ -336,7 +346,9 @@ def check_expectation(
                 is_bad = is_outside(own, expectation.at_least, expectation.at_most)
                 parts = list(signals.evaluate_parts(metric.signal, metric.window)) if is_bad else []
                 times = extreme_times(metric.reduce, expectation.at_least, expectation.at_most, parts)
-                ranges.append(CaseRange(case, own, own, times[0], *times))
+                ranges.append(
+                    in_windows(CaseRange(case, own, own, times[0], *times), metric.signal, metric.window, signals)
+                )
         elif signals.has(expectation.signal):
             extremes = [
                 extreme_samples(part, expectation)
@@ -348,21 +360,12 @@ def check_expectation(
             times, values = np.concatenate(extremes).T
             low, high = int(np.argmin(values)), int(np.argmax(values))
             outside = times[is_outside(values, expectation.at_least, expectation.at_most)]
-            ranges.append(
-                CaseRange(case, values[low], values[high], times[low], times[high], min(outside, default=None))
-            )
+            row = CaseRange(case, values[low], values[high], times[low], times[high], min(outside, default=None))
+            ranges.append(in_windows(row, expectation.signal, expectation.window, signals))
     if expectation.mean and ranges:
         mean = float(np.mean([row.low for row in ranges]))
         ranges = [CaseRange(None, mean, mean)]
     return check_limits(expectation, ranges, list(tables), scale)
-
-
-def extreme_samples(samples: tuple[Any, Any], expectation: Expectation) -> np.ndarray[Any, Any]:
-    """Return time and value of the smallest, the largest and the first violating sample, (2 or 3, 2); (0, 2) without samples."""
-    time, value = samples
-    violating = np.flatnonzero(is_outside(value, expectation.at_least, expectation.at_most))
-    indices = [int(np.argmin(value)), int(np.argmax(value)), *violating[:1]] if len(value) else []
-    return np.stack([time[indices], np.asarray(value, np.float64)[indices]], axis=1)
 
 
 def no_samples_result(expectation: Expectation, case: str, is_array: bool) -> ExpectationResult:
@@ -394,4 +397,4 @@ def check_limits(
         )
         return ExpectationResult(name, "pass", f"{what} was {span}; expected {expected}.")
     detail, more = describe_failure(expectation, failing, run, shown)
-    return ExpectationResult(name, "fail", detail, more)
+    return ExpectationResult(name, "fail", detail, more, list_cases(expectation, failing, shown) * (len(failing) > 1))

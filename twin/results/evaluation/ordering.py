@@ -46,8 +46,12 @@ def check_order(expectation: Expectation, results: Mapping[str, MetricResult]) -
     if not failing:
         required = f" (required margin: {margin})" if margin else ""
         return name, "pass", f"{comparison}{required}{f'; not at {seeds}' * bool(seeds)}.", ""
-    before, after = (ordered_results.index(result) for result in failing[0])
-    detail = " ".join(filter(None, [texts[before], "is not", margin, side, texts[after]]))
+    of_variant = dict(zip((result.variant for result in ordered_results), texts, strict=True))
+    pairs = [
+        " ".join(filter(None, [of_variant[before.variant], "is not", margin, side, of_variant[after.variant]]))
+        for before, after in failing
+    ]
+    detail = ", and ".join(pairs)
     return name, "fail", f"{detail}{f'; {seeds}' * bool(seeds)}.", f"{expectation.metric}: {', '.join(texts)}."
 
 

@@ -85,6 +85,12 @@ def selected_time(reduce: str, parts: Iterable[tuple[Array, Array]]) -> float | 
     return float(candidates[select(np.array([value for _, value in candidates]))][0]) if candidates else None
 
 
+def window_end(parts: Iterable[tuple[Array, Array]], instant: float) -> float:
+    """Return the time of the last row with the value of an instant [s]: a value that stays for a while is of the window that ends there."""
+    time, value = map(np.concatenate, zip(*parts, strict=True))
+    return float(time[np.flatnonzero(value == value[np.argmin(np.abs(time - instant))])[-1]])
+
+
 def sample_limits(reduce: str, low: float | None, high: float | None) -> tuple[float | None, float | None]:
     """Return the limits that every sample must keep for its extreme to keep `low` and `high`; none of other reductions."""
     if reduce == "max_abs" and high is not None:

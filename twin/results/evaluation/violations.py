@@ -172,12 +172,12 @@ def worst_seeds_first(tables: Tables, violations: Iterable[Violation]) -> Tables
 
 
 def metric_violation(expectation: Expectation, results: Iterable[MetricResult], tables: Tables) -> Violation | None:
-    """Find the cases whose metric is outside of the limits; all cases of a mean, and of variants that break an order."""
+    """Find the cases whose metric is outside of the limits; all cases of a mean, and of the second variant of a pair out of order."""
     selected = [result for result in results if expectation.judges(result)]
     if expectation.ordered:
         of_variant = {result.variant: result for result in selected}
         in_order = [of_variant[variant] for variant in expectation.ordered if variant in of_variant]
-        failing = [result for pair in failing_pairs(expectation, in_order) for result in pair]
+        failing = [after for _, after in failing_pairs(expectation, in_order)]  # whose limit is the mean before
         selected = [result for result in selected if result in failing]
     if not selected:
         return None

@@ -53,6 +53,7 @@ class Signals:
     units: Mapping[str, str] = field(default_factory=dict)
     complete: bool = True
     display_units: Mapping[str, str] = field(default_factory=dict)  # where they differ from `units`
+    window_lengths: Mapping[str, float] = field(default_factory=dict)  # [s] before each row, of results of an analysis
 
     @property
     def is_large(self) -> bool:
@@ -115,6 +116,10 @@ class Signals:
             values = expression.magnitude(part.to_si({signal.name for signal in expression.signals}))
             largest = float(np.max(np.asarray(values)[np.isfinite(values)], initial=largest))
         return largest
+
+    def window_length(self, expression: Expression) -> float:
+        """Return the duration before each row of which an expression's value is [s]; 0 if it is of the row's time."""
+        return max((self.window_lengths.get(signal.name, 0.0) for signal in expression.signals), default=0.0)
 
     def has(self, expression: Expression) -> bool:
         """Whether every signal of an expression was recorded."""

@@ -9,7 +9,7 @@ export const BOTTOM = 26; // for the numbers of an axis
 export const TIMES = 19;  // for the times below a pane that is not the last
 export const STRIP = 16;  // for the names of marks
 const LEVELS = 3, TALL = 80; // least ticks of a vertical axis of at least this height [px]
-const NEAR = 0.25; // of the range of the curves: band, lines and limits that are as near are inside the vertical axis
+const MOST = 2; // times the range of the curves: band, lines and limits are inside a vertical axis that they make no longer, so that curves have half of it
 const NOTHING = { x: [], y: [] }, FAINT = 0.35, DIMMED = 0.12, AREA = 0.2;
 
 // what stays while pointer, cursors and time move; `paintOverlays` copies it
@@ -51,11 +51,16 @@ function fitPane(chart, pane, box, shown, more) {
   Object.assign(box, { across, down, from, to, low, high, logX, logY });
 }
 
-// The range of the visible samples, with the references that are near. A live axis has all of them, since it must not jump, but far limits of warnings would flatten its curves.
+// The range of the visible samples, or of all panes that share it, with references from the nearest on, as long as the curves keep half of the axis.
+// Violated limits of a pane with an axis of its own are in any case; a live axis has all, since it must not jump, but far limits of warnings would flatten its curves.
 function verticalRange(chart, pane, series, from, to) {
-  const [low, high] = extent(series, from, to, []), margin = NEAR * (high - low);
-  const near = references(pane).filter(({ y, failed, warns }) => (!warns && (failed || chart.follow)) || (y > low - margin && y < high + margin)).map(({ y }) => y);
-  return near.length ? extent(series, from, to, near) : [low, high];
+  const own = pane.extent ? [{ x: [from, from], y: pane.extent }] : series, range = extent(own, from, to, []), most = MOST * (range[1] - range[0]), near = [];
+  const shared = (pane.shared || []).map((y) => ({ y })), far = [...references(pane), ...shared].map((one) => [Math.max(range[0] - one.y, one.y - range[1], 0), one]).sort(([a], [b]) => a - b);
+  for (const [, { y, failed, warns }] of far) {
+    const isWanted = !warns && ((failed && !pane.extent) || chart.follow);
+    if (isWanted || Math.max(range[1], y, ...near) - Math.min(range[0], y, ...near) <= most) near.push(y);
+  }
+  return near.length ? extent(own, from, to, near) : range;
 }
 
 // Faint curves as far as they count for the vertical axis: by the size of the others, which they would flatten.
@@ -96,7 +101,7 @@ function drawPane(chart, context, pane, box) {
   context.globalAlpha = 1; context.lineWidth = 1.4;
   context.setLineDash([4, 3]);
   for (const one of pane.limits || []) {
-    context.strokeStyle = one.color !== undefined ? chart.colors.lines[one.color % 8] : one.failed ? chart.colors.fail : chart.colors.accent;
+    context.strokeStyle = one.color !== undefined ? chart.colors.lines[one.color % 8] : one.failed ? chart.colors.fail : chart.colors.text;
     line(context, box.across(Math.max(one.from, box.from)), box.down(one.y), box.across(Math.min(one.to, box.to)), box.down(one.y));
   }
   context.restore();

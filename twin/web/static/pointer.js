@@ -159,6 +159,13 @@ function hoverAt(chart, x, y, event, all = chart.samples) {
            rows: samples.map(({ curve, k }) => rowOf(pane, box, pane.curves[curve], k, all)) };
 }
 
+// the values of the curves of a pane at a time that its curves reach
+export function rowsAt(chart, index, time) {
+  const pane = chart.panes[index], box = chart.boxes[index], all = chart.samples, { reach = [-Infinity, Infinity] } = pane;
+  const curves = pane.own || time < reach[0] || time > reach[1] ? [] : pane.curves.filter(({ name }) => all[name]?.x.length && !chart.dimmed.has(name));
+  return curves.map((curve) => rowOf(pane, box, curve, nearest(all[curve.name].x, time), all));
+}
+
 // once the pointer rests, read the samples at it where only extremes of them are drawn
 function refine(chart, x, y, event) {
   clearTimeout(chart.resting);
