@@ -17,6 +17,7 @@ from twin.results import (
     count_verdicts,
     find_violations,
     group_lines,
+    requirements_text,
     trace_to_inputs,
     worst_seeds_first,
 )
@@ -175,8 +176,9 @@ def report_html(
             groups=metric_groups(evaluation),
             key_rows=key_rows(evaluation),
             outcomes=evaluation.expectation_results,
-            counts=count_verdicts(summary),
-            not_judged=sum(result.verdict == "skipped" for result in evaluation.expectation_results),
+            requirements=requirements_text(
+                *count_verdicts(summary), sum(result.verdict == "skipped" for result in evaluation.expectation_results)
+            ),
             published=sum(result.verdict == "pass" for result in evaluation.metric_results),
             failures=link_failures(evaluation, figures),
             folder=folder,

@@ -65,10 +65,10 @@ export default {
               @pointerup="pull(one)" @pointercancel="pull(one)" @lostpointercapture="pull(one)">{{ one.kind === "hold" ? "+" : "press" }}</button>
     </div>
     <p v-if="!controls.length && !over" class="twin-soft">Runs by itself: press Run, change values while it runs.</p>
-    <p v-else :class="stopped || early ? 'twin-warn' : 'twin-soft'" role="status">{{ over ? "The session is over" + (controls.length ? ": controls have no effect." : ".") : !operator ? watching : paused ? "Paused: press Run, then hold a control." : early ? "Held since before Run: release and press again." : stopped ? "Stopped by the dead-man switch. Release and hold again." : "Motion lasts while you hold a control." }}</p>
+    <p v-else-if="controls.length" :class="stopped || early ? 'twin-warn' : 'twin-soft'" role="status">{{ over ? "The session is over: controls have no effect." : !operator ? watching : paused ? "Paused: press Run, then hold a control." : early ? "Held since before Run: release and press again." : stopped ? "Stopped by the dead-man switch. Release and hold again." : "Motion lasts while you hold a control." }}</p>
     <p v-if="pad && !over" class="twin-soft">{{ pad }}</p>
   </div>`,
-  props: { controls: Array, session: Boolean },
+  props: { controls: Array, session: Boolean, space_runs: Boolean },
   data: () => ({ operator: false, watching: "Connecting ...", over: false, paused: false, held: {}, deflections: {}, dropped: 0, early: false, pad: "" }),
   computed: {
     stopped() { return this.dropped > DROPPED; },
@@ -122,6 +122,7 @@ export default {
     key(event, down) {
       if (event.code === "Escape") { this.hands.releaseAll(); return; }
       if (down && (event.target.closest?.(TYPED) || event.ctrlKey || event.altKey || event.metaKey)) return;
+      if (this.runs(event, down)) return;
       for (const one of this.controls) {
         const way = one.keys.indexOf(event.code);
         if (way < 0) continue;
@@ -129,6 +130,13 @@ export default {
         event.stopPropagation();  // a slider or a closed list that was used before would change as well
         if (!event.repeat) this.hands.move(one.name, event.code, down ? (way === 0 ? 1 : -1) : 0);
       }
+    },
+    // Space presses Run or Pause, without drives only, and not where it presses the focused button
+    runs(event, down) {
+      if (event.code !== "Space" || !this.space_runs || this.controls.some((one) => one.keys.includes("Space")) || event.target.closest?.("button, a, [role=button]")) return false;
+      event.preventDefault();  // the page would scroll
+      if (down && !event.repeat) [...document.querySelectorAll(".twin-run[aria-label]")].find((button) => button.checkVisibility())?.click();
+      return true;
     },
     // called on every tick: a stick that springs back is a dead-man switch by itself
     gamepad() {
