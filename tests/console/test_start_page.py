@@ -18,10 +18,12 @@ def groups():
 
 def test_scenarios_are_grouped_by_topic(groups):
     by_heading = dict(groups)
-    assert list(by_heading) == ["Recent", "Start here", *TOPICS.values(), "Others"]
-    assert [name for name, _ in by_heading["Recent"]] == ["racs"]
+    assert list(by_heading) == ["Start here, and recent", *TOPICS.values(), "Others"]
     first = [line.split()[-1] for line in demo.EXAMPLES]  # as `twin demo` and `twin list` say
-    assert [name for name, _ in by_heading["Start here"]] == [name for name in first if name != "latest"]
+    assert [name for name, _ in by_heading["Start here, and recent"]] == [
+        *(name for name in first if name != "latest"),
+        "racs",
+    ]
     names = [name for _, entries in groups for name, _ in entries]
     assert len(names) == len(set(names))  # each once
     assert all(each.has_controls for _, each in by_heading["Operate"])

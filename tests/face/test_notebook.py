@@ -170,7 +170,7 @@ def test_links_of_a_run_work_from_a_notebook(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("summary", "counts", "kind", "text"),
     [
-        ({}, (2, 3), "pass", "✓ 2 of 3 requirements met"),
+        ({}, (3, 3), "pass", "✓ 3 of 3 requirements met"),
         ({}, (0, 0), "pass", "✓ completed"),
         ({"passed": False}, (2, 3), "fail", "✗ 1 of 3 requirements failed"),
         ({"expectations": [{"verdict": "skipped"}]}, (2, 2), "pass", "✓ 2 of 2 requirements met, 1 not judged"),

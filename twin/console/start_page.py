@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -79,9 +80,10 @@ def headings_of(overview: scenario_paths.Overview) -> list[str]:
 
 
 def group_scenarios(recent: list[str], scenarios: dict[str, Path]) -> list[Group]:
-    """Return each scenario once: the recent ones, those to begin with, then the others by topic."""
+    """Return each scenario once: those to begin with and the recent ones, then the others by topic."""
     overviews = {name: scenario_paths.overview(path) for name, path in sorted(scenarios.items())}
-    listed = {"Recent": recent, "Start here": [name for name in scenario_paths.START_HERE if name in overviews]}
+    first = [name for name in scenario_paths.START_HERE if name in overviews]
+    listed = {"Start here, and recent" if recent else "Start here": list(dict.fromkeys((*first, *recent)))}
     groups, seen = list[Group](), set[str]()
     for heading in (*listed, *TOPICS.values(), OTHERS):
         of_topic = [name for name, each in overviews.items() if headings_of(each)[0] == heading]
@@ -146,11 +148,14 @@ def _card(context: PageContext, name: str, path: Path, overview: scenario_paths.
 
 def starting(context: PageContext) -> None:
     """Show the progress of a starting session, or why it failed."""
-    console = context.console
+    console, begin = context.console, time.monotonic()
     with ui.column().classes("twin-home items-center"):
         busy = ui.spinner(size="32px")
         ui.label(console.scenario.stem if console.scenario else "").classes("text-h6")
-        message = ui.label().classes("twin-soft")
+        message = ui.label().props("role=status")
+        note = ui.label("Only the first time: members are translated to C and compiled, and stored.").classes(
+            "twin-soft"
+        )
         back = ui.button("another scenario", on_click=context.on_press(lambda: console.leave)).props("no-caps outline")
 
         def update() -> None:
@@ -158,8 +163,10 @@ def starting(context: PageContext) -> None:
             if live is None:
                 return
             failed = live.state.phase == "failed"
-            message.text = live.state.message or "preparing ..."
+            elapsed = "" if failed else f", {time.monotonic() - begin:.0f} s"
+            message.text = (live.state.message or "starting a process for the session") + elapsed
             busy.visible, back.visible = not failed, failed
+            note.visible = live.state.message.startswith("building")
 
         update()
         ui.timer(0.1, update)

@@ -155,7 +155,8 @@ def metric_table(rows: list[Row], before: RunMetrics) -> None:
             f'<td class="{color if k == 0 else "twin-soft"}">{sign * (k == 0)}{html.escape(cells[k])}</td>'
             for k in shown
         ]
-        lines.append(f"<tr><td>{html.escape(row.name + unit)}</td>{''.join(numbers)}</tr>")
+        short = row.name.partition(";")[0].partition(" (")[0] + unit
+        lines.append(f"<tr><td title='{html.escape(row.name)}'>{html.escape(short)}</td>{''.join(numbers)}</tr>")
     ui.html(f'<table class="twin-metrics">{"".join(lines)}</table>', sanitize=False).classes("full-width")
     if 1 in shown:
         ui.label(f"before: {before.title}").classes("twin-soft twin-line")
@@ -238,7 +239,8 @@ def result_card(result: SessionResult, before: RunMetrics) -> None:
                 if row.verdict == "fail":
                     listed(row, row.detail)
         metrics = [row for row in result.requirements if row.value is not None]
-        metric_table(sorted(metrics, key=lambda row: row.reference is None)[:HEADLINE_METRICS], before)
+        compared = [row for row in metrics if row.reference is not None]
+        metric_table((compared or metrics)[:HEADLINE_METRICS], before)
 
 
 def banner(context: PageContext) -> None:
