@@ -336,6 +336,28 @@ def test_requirements_are_judged_once_rows_are_there(setting):
         assert one.page.shown() == shown
 
 
+@pytest.mark.parametrize("part", ["list", "card"])
+def test_a_page_that_is_built_anew_while_it_judges_uses_no_deleted_element(setting, monkeypatch, part):
+    """Else NiceGUI prints that the application has a bug, with a stack."""
+    one, warned = setting(), []
+    monkeypatch.setattr("nicegui.helpers.warn_once", lambda text, **_: warned.append(text))
+
+    def rows():
+        one.page.client.layout.clear()
+        return [Row("pass", "near", "3 mm")]
+
+    catalog = SimpleNamespace(start=0.0, judged_until=0.0, targets={}, controls=())
+    one.context.verdicts = SimpleNamespace(live=one.live, rows=rows, catalog=catalog)
+    with one.page:
+        if part == "list":
+            summary.judged(one.console, one.context.verdicts, ui.label())
+        else:
+            summary.banner(one.context)
+    one.state.phase = "stopped"
+    one.page.tick()
+    assert warned == []
+
+
 def test_slow_judgments_leave_the_server_to_the_joysticks(setting, monkeypatch):
     """One of 0.2 s is followed by a pause of two seconds."""
     one, clock, calls = setting(), [100.0], []

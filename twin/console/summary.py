@@ -116,7 +116,7 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
         is_scored = bool(verdicts.catalog.targets)  # then warnings are in the line of the score
         warnings = () if is_scored else await nicegui_run.io_bound(warning_rows, live) or ()
         counted = [*(rows or ()), *map(named_warning, warnings)]
-        if (counted, has_ended) == shown[0] or not rows:
+        if (counted, has_ended) == shown[0] or not rows or total.is_deleted:  # the page was built anew meanwhile
             return
         shown[0], total.text = (counted, has_ended), headline(counted, has_ended)
         names = [row.name for row in rows if row.verdict == "fail" and not row.is_metric]
@@ -272,7 +272,7 @@ def banner(context: PageContext) -> None:
             fill(context, kind)
         if kind in OVER or kind == "targets":
             result = await nicegui_run.io_bound(session_result, live, context.verdicts)
-            if result is not None and result.kind and shown[0] == kind:
+            if result is not None and result.kind and shown[0] == kind and not over.is_deleted:
                 with over:
                     passes = kind not in OVER and result.kind != "failed"
                     before = context.console.metrics_before((id(live), state.epoch))
@@ -299,7 +299,7 @@ def fill(context: PageContext, kind: str) -> None:
     def button(text: str, action: Callable[..., Any], *arguments: Any) -> None:
         async def press_once() -> None:
             made.disable()  # a second click of a double click would reach the next session
-            if not await context.run(action, *arguments):
+            if not await context.run(action, *arguments) and not made.is_deleted:
                 made.enable()
 
         made = ui.button(text, on_click=press_once).props("dense no-caps outline")
