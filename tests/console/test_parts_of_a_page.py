@@ -234,7 +234,7 @@ def test_a_scenario_is_picked(setting, monkeypatch):
     monkeypatch.setattr("twin.scenario.scenario_paths.overview", lambda path: overviews[path.stem])
     with one.page:
         start_page.pick(one.context)
-    held = "operate by keys, buttons or gamepad; until you end it"
+    held = "operate by keys or gamepad, until you end it"
     assert one.page.shown() == [
         "Select a scenario",
         *("Start here, and recent", "teleoperation", "Robot", held, "beat", "Beat", "2\N{NO-BREAK SPACE}s"),

@@ -122,6 +122,10 @@ def test_with_drives_a_session_is_stopped_by_its_operator(tmp_path):
     assert host.stop_label == "STOP"
     host.live = LiveSession.__new__(LiveSession)
     host.live.state = type("State", (), {"phase": "running"})()
+    host.live.catalog = type("Catalog", (), {"controls": ("hand",)})()
+    for phase, label in (("running", "STOP"), ("finishing", "")):  # without drives nothing moves any more
+        host.live.state.phase = phase
+        assert (host.stop_label, Host(live=host.live).stop_label) == ("STOP", label)
     with pytest.raises(TwinError, match="Stop it first"):
         host.restart(None)
 

@@ -127,7 +127,7 @@ def topic_pictures() -> dict[str, str]:
 def facts(overview: scenario_paths.Overview) -> str:
     """Return what distinguishes a scenario from others of its topic: how it is operated or what it compares, and how long it lasts."""
     if overview.has_controls:
-        return "operate by keys, buttons or gamepad; until you end it"
+        return "operate by keys or gamepad, until you end it"
     compared = f"compares {overview.variants} variants" if overview.variants > 1 else ""
     return ", ".join(filter(None, (compared, overview.duration.replace(" ", "\N{NO-BREAK SPACE}"))))
 

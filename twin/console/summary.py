@@ -115,7 +115,10 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
         has_ended = live.state.phase in OVER or (live.state.time >= verdicts.catalog.judged_until and not is_open)
         is_scored = bool(verdicts.catalog.targets)  # then warnings are in the line of the score
         warnings = () if is_scored else await nicegui_run.io_bound(warning_rows, live) or ()
-        counted = [*(rows or ()), *map(named_warning, warnings)]
+        counted = [
+            *map(not_reached if live.state.phase in OVER else replace, rows or ()),
+            *map(named_warning, warnings),
+        ]
         if (counted, has_ended) == shown[0] or not rows or total.is_deleted:  # the page was built anew meanwhile
             return
         shown[0], total.text = (counted, has_ended), headline(counted, has_ended)
@@ -132,6 +135,12 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
                     listed(row, row.detail)
 
     ui.timer(JUDGE_PERIOD, judge)
+
+
+def not_reached(row: Row) -> Row:
+    """Return a row of a session that is over: what was still to come was not reached."""
+    is_open = row.verdict == WAITING or (row.is_metric and row.metric is not None and row.value is None)
+    return replace(row, verdict=NOT_JUDGED, detail="not reached") if is_open else row
 
 
 def named_warning(row: Row) -> Row:
