@@ -336,6 +336,14 @@ def test_requirements_are_judged_once_rows_are_there(setting):
         assert one.page.shown() == shown
 
 
+def test_a_row_of_metrics_has_equal_decimals():
+    """Of a small number too: -7.809e-05 stood beside 0.0003701."""
+    newton = SimpleNamespace(unit="N", is_difference=False)
+    row = Row("", "mean", "", True, newton, -7.809e-05)
+    assert summary.metric_texts(row, 0.0003701) == ["-0.0000781", "0.0003701", ""]
+    assert summary.metric_texts(Row("", "late", "from 12 s", True, newton), 1.0) == ["from 12 s", "", ""]
+
+
 @pytest.mark.parametrize("part", ["list", "card"])
 def test_a_page_that_is_built_anew_while_it_judges_uses_no_deleted_element(setting, monkeypatch, part):
     """Else NiceGUI prints that the application has a bug, with a stack."""

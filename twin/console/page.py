@@ -258,9 +258,9 @@ def _bar(context: PageContext) -> None:
         run = ui.button("Run", icon="play_arrow", on_click=context.on_press(lambda: console.resume))
         run.props('unelevated no-caps color=primary aria-label="run"').classes("twin-run")
         keys = "" if console.hardware is not None else " (space bar)"
-        run.tooltip(f"run{keys}")
+        run.props(f'title="Run{keys}"')
         pause = ui.button("Pause", icon="pause", on_click=context.on_press(lambda: live.pause))
-        pause.props('outline no-caps aria-label="pause"').classes("twin-run").tooltip(f"pause{keys}")
+        pause.props('outline no-caps aria-label="pause"').props(f'title="Pause{keys}"').classes("twin-run")
         finishing = ui.spinner(size="24px").props('aria-label="the results are written"').classes("twin-run")
         title = catalog.title.removesuffix(f": {catalog.variants.get(catalog.variant)}") or catalog.scenario
         ui.label(title).classes("twin-h ellipsis")

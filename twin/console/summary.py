@@ -40,6 +40,7 @@ QUICK = (
     0.05  # a judgment that takes longer is followed by a pause of ten times its duration [s]: joysticks need the server
 )
 PAGE, REPORT = "signals.html", "report.html"
+DIGITS = 4  # of the largest number in a row of metrics
 HEADLINE_METRICS = 3  # of the card at the end
 SYMBOLS = {
     "pass": ("check_circle", "twin-good"),
@@ -115,10 +116,9 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
         has_ended = live.state.phase in OVER or (live.state.time >= verdicts.catalog.judged_until and not is_open)
         is_scored = bool(verdicts.catalog.targets)  # then warnings are in the line of the score
         warnings = () if is_scored else await nicegui_run.io_bound(warning_rows, live) or ()
-        counted = [
-            *map(not_reached if live.state.phase in OVER else replace, rows or ()),
-            *map(named_warning, warnings),
-        ]
+        is_over = live.state.phase in OVER
+        counted = [not_reached(row) if is_over else row for row in rows or ()]
+        counted += [named_warning(row) for row in warnings]
         if (counted, has_ended) == shown[0] or not rows or total.is_deleted:  # the page was built anew meanwhile
             return
         shown[0], total.text = (counted, has_ended), headline(counted, has_ended)
@@ -178,6 +178,8 @@ def metric_texts(row: Row, before: float | None) -> list[str]:
     values = [row.value, before, row.reference]
     given = [value for value in values if value is not None]
     style = common_format(given, row.metric.unit, row.metric.is_difference)
+    if style.decimals is None and 0.0 < (largest := max(map(abs, given))) < 1.0:  # smaller than in other tables
+        style = replace(style, decimals=DIGITS - 1 - math.floor(math.log10(largest)))
     return ["" if value is None else style.number(value) for value in values]
 
 
