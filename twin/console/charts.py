@@ -14,8 +14,16 @@ if TYPE_CHECKING:
     from twin.console.session import Host
     from twin.live import Catalog
 
-WHOLE = 0.0  # of the selection of the visible time: the whole run
-SPANS = {5.0: "5 s", 10.0: "10 s", 30.0: "30 s", 60.0: "1 min", 300.0: "5 min", 1200.0: "20 min", WHOLE: "whole run"}
+ALL_TIME = 0.0  # of the selection of the visible time: the whole run
+SPANS = {
+    5.0: "5 s",
+    10.0: "10 s",
+    30.0: "30 s",
+    60.0: "1 min",
+    300.0: "5 min",
+    1200.0: "20 min",
+    ALL_TIME: "whole run",
+}
 FOREVER = 1e9  # [s]: JSON has no infinity
 MARKS = 100
 MARK_WIDTH = 28  # characters
@@ -145,7 +153,7 @@ class ChartPanel:
 
     def follow_time(self) -> None:
         """Follow the time again, or show the whole run."""
-        if self.span.value == WHOLE:
+        if self.span.value == ALL_TIME:
             self.chart.show(None, None)
         else:
             self.chart.show_last(self.span.value)
@@ -173,7 +181,7 @@ def show_commands(console: Host, panel: ChartPanel) -> None:
     def update() -> None:
         ended = console.live is not None and console.has_ended
         if ended and not has_ended[0]:
-            panel.span.set_value(WHOLE)
+            panel.span.set_value(ALL_TIME)
         has_ended[0] = ended
         done = console.live.done if console.live is not None else ()
         if len(done) != count[0]:

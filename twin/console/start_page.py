@@ -84,11 +84,11 @@ def group_scenarios(recent: list[str], scenarios: dict[str, Path]) -> list[Group
     overviews = {name: scenario_paths.overview(path) for name, path in sorted(scenarios.items())}
     first = [name for name in scenario_paths.START_HERE if name in overviews]
     listed = {"Start here, and recent" if recent else "Start here": list(dict.fromkeys((*first, *recent)))}
-    groups, seen = list[Group](), set[str]()
+    groups, earlier = list[Group](), set[str]()
     for heading in (*listed, *TOPICS.values(), OTHERS):
         of_topic = [name for name, each in overviews.items() if headings_of(each)[0] == heading]
-        names = [name for name in listed.get(heading, of_topic) if name not in seen]
-        seen.update(names)
+        names = [name for name in listed.get(heading, of_topic) if name not in earlier]
+        earlier.update(names)
         groups.append((heading, [(name, overviews[name]) for name in names]))
     return groups
 

@@ -101,8 +101,8 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
     shown: list[Any] = [None]
     paused_until = [0.0]
     live, before = verdicts.live, console.metrics_before((id(verdicts.live), verdicts.live.state.epoch))
-    begun = live.state.phase in (*OVER, "finishing") or live.state.time > verdicts.catalog.start
-    total = ui.label("Judging ..." if begun else "Run to judge them.").classes("twin-h").mark("headline")
+    is_started = live.state.phase in (*OVER, "finishing") or live.state.time > verdicts.catalog.start
+    total = ui.label("Judging ..." if is_started else "Run to judge them.").classes("twin-h").mark("headline")
     column = ui.column().classes("full-width gap-1")
 
     async def judge() -> None:
