@@ -32,7 +32,8 @@ def chart(monkeypatch):
     )
     panes = [web.Pane("First", "mm", [web.ChartCurve("a.x")])]
     with one.page:
-        made = ChartPanel(curves, panes, lambda chart: charts.show_commands(one.console, chart))
+        made = ChartPanel(curves, panes)
+        charts.show_commands(one.console, made)
     made.chart.run_method = lambda *words: sent.append(words)
     return one, made, sent
 
@@ -128,6 +129,17 @@ def test_commands_are_marks_of_the_chart(chart, monkeypatch):
     one.console.live = None
     one.page.tick()
     assert panel.chart.props["marks"] == []
+
+
+def test_at_the_end_the_whole_run_is_shown_and_the_selection_says_so(chart, monkeypatch):
+    one, panel, sent = chart
+    one.page.tick()
+    assert sent == []
+    monkeypatch.setattr(Host, "has_ended", True)
+    one.page.tick()
+    assert (sent, panel.span.options[panel.span.value]) == ([("show", None, None)], "whole run")
+    one.page.change(panel.span, 30.0)
+    assert sent[1:] == [("followed", 30.0)]
 
 
 def test_leaves_of_the_tree(chart):

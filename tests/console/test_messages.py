@@ -124,6 +124,7 @@ def test_a_tick_holds_what_has_changed():
         "lag": 0.01,
         "epoch": 3,
         "held": {"jog": 0.5, "a.speed[1]": 0.02},
+        "run": 1,
         "message": "said",
         "values": {"a.x": 2.0, "a.m": [[1.0, None], [3.0, None]]},
     }
@@ -131,6 +132,9 @@ def test_a_tick_holds_what_has_changed():
     setting.activity.values["attended"] = False
     tick = json.loads(tick_message(setting.console, "watcher", 10, setting.messages))
     assert (tick["values"], tick["operator"], tick["attend"]) == ({"a.x": 3.0}, False, False)
+    setting.live.values["state"].epoch = 4  # another run: no value of the one before is valid
+    tick = json.loads(tick_message(setting.console, "watcher", 10, setting.messages))
+    assert (tick["run"], tick["values"]) == (2, {"a.x": 3.0, "a.m": [[1.0, None], [3.0, None]]})
     setting.rows["a.x"] = np.array([])
     assert json.loads(tick_message(setting.console, "watcher", 11, setting.messages))["values"] == {}
     setting.console.live = None

@@ -59,6 +59,28 @@ def test_it_runs_pauses_and_steps(page):
     assert page.evaluate(NEWEST) == pytest.approx(before, abs=0.0011)  # charts, picture and read-out: one time
     press(page, "one step of 1 ms")
     page.wait_for_function(f"document.querySelector('#twin-how').textContent.includes('{before + 0.001:.3f} s')")
+    for button, phase in (("run", "running"), ("pause", "paused")):  # the space bar presses the button that is shown
+        page.wait_for_selector(f"[aria-label={button}]")
+        page.evaluate("document.activeElement.blur()")
+        page.keyboard.press("Space")
+        said(page, phase)
+
+
+def test_a_picture_is_hidden_until_its_values_are_there(page):
+    """It had the values of the start for seconds, as if they were the result."""
+    shown = page.evaluate(
+        """async () => {
+          const { default: picture } = await import("/console/picture.js");
+          const views = [{ view: "rig", title: "", parts: [{ kind: "carriage", signals: { position: "carriage.position", velocity: "carriage.velocity" }, sizes: {} }] }];
+          const own = { $el: document.createElement("div"), views, warnings: [], reached: [], warn() {} };
+          picture.mounted.call(own);
+          const seen = [own.$el.style.visibility];
+          for (const values of [{}, { "carriage.position": 0.001 }, {}]) { own.onTick({ values }); seen.push(own.$el.style.visibility); }
+          picture.unmounted.call(own);
+          return seen;
+        }"""
+    )
+    assert shown == ["hidden", "hidden", "", "hidden"]
 
 
 def test_forces_say_whether_they_are_measured_and_charts_at_what_time(page):

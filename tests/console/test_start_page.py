@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("nicegui")
 
 from twin.cli import demo
-from twin.console.start_page import TOPICS, group_scenarios, no_match, select_groups, shown_duration
+from twin.console.start_page import TOPICS, facts, group_scenarios, no_match, select_groups
 from twin.scenario import scenario_paths
 
 
@@ -18,20 +18,27 @@ def groups():
 
 def test_scenarios_are_grouped_by_topic(groups):
     by_heading = dict(groups)
-    assert list(by_heading) == ["Recent", "Start here", *TOPICS.values(), "Others"]
-    assert [name for name, _ in by_heading["Recent"]] == ["racs"]
+    assert list(by_heading) == ["Start here, and recent", *TOPICS.values(), "Others"]
     first = [line.split()[-1] for line in demo.EXAMPLES]  # as `twin demo` and `twin list` say
-    assert [name for name, _ in by_heading["Start here"]] == [name for name in first if name != "latest"]
+    assert [name for name, _ in by_heading["Start here, and recent"]] == [
+        *(name for name in first if name != "latest"),
+        "racs",
+    ]
+    names = [name for _, entries in groups for name, _ in entries]
+    assert len(names) == len(set(names))  # each once
     assert all(each.has_controls for _, each in by_heading["Operate"])
-    assert dict(by_heading[TOPICS["force"]])["heart_wall_force"].duration == "22 s"
+    for topic in ("Operate", "Navigation"):  # a card is found wherever a user looks for it
+        ((_, entries),) = select_groups(groups, "", topic)
+        assert {"vessel_teleoperation", "in_vivo_navigation"} <= dict(entries).keys()
 
 
 def test_every_scenario_says_how_long_it_lasts(groups):
     """Also where the stop time is that of the extended file; an operator ends a session with controls."""
     overviews = {name: each for _, entries in groups for name, each in entries}
     assert overviews["contact_force"].duration == overviews["heart_wall_replay"].duration != ""
-    assert shown_duration(overviews["vessel_teleoperation"]) == "until you end it"
-    assert [name for name, each in overviews.items() if not shown_duration(each)] == []
+    assert facts(overviews["vessel_teleoperation"]).endswith("until you end it")
+    assert facts(overviews["heart_wall_force"]) == "compares 5 variants, 22\N{NO-BREAK SPACE}s"
+    assert [name for name, each in overviews.items() if not facts(each)] == []
 
 
 def test_a_scenario_with_controls_begins_with_the_variant_for_an_operator(groups):

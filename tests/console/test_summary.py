@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("nicegui")
 
 from twin.console.curves import PREVIOUS
-from twin.console.session import Host
+from twin.console.session import Host, RunMetrics
 from twin.console.summary import session_result
 from twin.console.verdicts import Row, SessionVerdicts, headline
 from twin.errors import TwinError
@@ -79,7 +79,7 @@ def test_a_scenario_pauses_at_its_end_and_the_next_run_is_compared(host):
         ("", "reach"),
         ("", "late"),
     ]
-    assert headline(rows, True) == "1 of 2 requirements failed."
+    assert headline(rows, True) == "1 of 2 requirements failed"
     samples = host.live.read(["heart.position"])
     assert list(score(samples.time, samples.values["heart.position"], catalog.targets, 0.0).reached) == ["systole"]
     seen = host.source.read("heart.position", 0.0, 0.5, 4000)[1]
@@ -122,6 +122,10 @@ def test_with_drives_a_session_is_stopped_by_its_operator(tmp_path):
     assert host.stop_label == "STOP"
     host.live = LiveSession.__new__(LiveSession)
     host.live.state = type("State", (), {"phase": "running"})()
+    host.live.catalog = type("Catalog", (), {"controls": ("hand",)})()
+    for phase, label in (("running", "STOP"), ("finishing", "")):  # without drives nothing moves any more
+        host.live.state.phase = phase
+        assert (host.stop_label, Host(live=host.live).stop_label) == ("STOP", label)
     with pytest.raises(TwinError, match="Stop it first"):
         host.restart(None)
 
@@ -130,22 +134,22 @@ def test_headlines():
     assert headline([Row("", "b", "")], True) == ""
     assert headline([Row("waiting", "a", ""), Row("pass", "b", "")], False) == "So far 1 met, 0 failed, 1 open."
     assert headline([Row("pass", "a", "")], False) == "So far 1 met, 0 failed."
-    assert headline([Row("pass", "a", "")], True) == "All 1 requirements met."
-    paper = Row("pass", "c", "3 mN", True)  # a metric with a reference is no requirement, as in report and viewer
-    assert headline([Row("pass", "a", ""), paper], True) == "All 1 requirements met."
+    assert headline([Row("pass", "a", "")], True) == "1 of 1 requirements met"
+    paper = Row("pass", "c", "3 mN", True)  # a metric with a tolerance is a requirement, as in report and terminal
+    assert headline([Row("pass", "a", ""), paper], True) == "2 of 2 requirements met"
     far = Row("fail", "d", "9 mN", True)
-    assert headline([Row("pass", "a", ""), far], True) == "All 1 requirements met; 1 metrics far from their reference."
+    assert headline([Row("pass", "a", ""), far], True) == "1 of 2 requirements failed"
 
 
 def test_metrics_of_the_run_before_stand_beside_those_of_this_one():
     host = Host()
-    assert host.metrics_before("first") == {}
-    host.latest_metrics = "first", {"error": "3 mN"}
-    assert host.metrics_before("first") == {}  # another page of the same run
-    assert host.metrics_before("second") == {"error": "3 mN"}
-    assert host.metrics_before("third") == {"error": "3 mN"}  # the second had none yet
+    assert host.metrics_before("first").values == {}
+    host.latest_metrics = RunMetrics("first", {"error": 3e-3}, "PI, 10:15")
+    assert host.metrics_before("first").values == {}  # another page of the same run
+    assert host.metrics_before("second") == RunMetrics("first", {"error": 3e-3}, "PI, 10:15")
+    assert host.metrics_before("third").values == {"error": 3e-3}  # the second had none yet
     host.leave()
-    assert host.metrics_before("fourth") == {}
+    assert host.metrics_before("fourth").values == {}
 
 
 @pytest.mark.slow

@@ -43,7 +43,7 @@ def parts(monkeypatch):
     monkeypatch.setattr(page.summary, "panel", lambda *_: ui.label("requirements"))
     monkeypatch.setattr(page, "_bar", lambda _: ui.label("bar"))
     monkeypatch.setattr(page, "_top", lambda _, attends=False: ui.label(f"top {attends}"))
-    monkeypatch.setattr(page, "Desk", lambda controls, session: ui.label(f"desk {controls}"))
+    monkeypatch.setattr(page, "Desk", lambda controls, session, space_runs: ui.label(f"desk {controls}"))
     monkeypatch.setattr(page, "to_si", lambda catalog: catalog)
     monkeypatch.setattr(page, "Pictures", picture)
     monkeypatch.setattr(page, "controls", lambda catalog: "controls")

@@ -141,7 +141,7 @@ def test_a_card_fits_a_narrow_notebook(browser, tmp_path):  # noqa: F811
 def test_a_run_in_some_lines(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert notebook.run_text(SUMMARY, tmp_path / "runs" / "1").splitlines() == [
-        "Rig: ✗ 3 of 5 requirements met",
+        "Rig: ✗ 2 of 5 requirements failed",
         "It holds.",
         "FAIL safe: 3 < 4",
         "FAIL depth, FF: 0.03 m (paper 0.02, ratio 1.50)",
@@ -170,9 +170,9 @@ def test_links_of_a_run_work_from_a_notebook(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("summary", "counts", "kind", "text"),
     [
-        ({}, (2, 3), "pass", "✓ 2 of 3 requirements met"),
+        ({}, (3, 3), "pass", "✓ 3 of 3 requirements met"),
         ({}, (0, 0), "pass", "✓ completed"),
-        ({"passed": False}, (2, 3), "fail", "✗ 2 of 3 requirements met"),
+        ({"passed": False}, (2, 3), "fail", "✗ 1 of 3 requirements failed"),
         ({"expectations": [{"verdict": "skipped"}]}, (2, 2), "pass", "✓ 2 of 2 requirements met, 1 not judged"),
         ({"status": "failed", "reason": "<x>"}, (2, 3), "fail", "failed: &lt;x&gt;"),
     ],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
@@ -15,7 +14,16 @@ if TYPE_CHECKING:
     from twin.console.session import Host
     from twin.live import Catalog
 
-SPANS = {5.0: "5 s", 10.0: "10 s", 30.0: "30 s", 60.0: "1 min", 300.0: "5 min", 1200.0: "20 min"}
+ALL_TIME = 0.0  # of the selection of the visible time: the whole run
+SPANS = {
+    5.0: "5 s",
+    10.0: "10 s",
+    30.0: "30 s",
+    60.0: "1 min",
+    300.0: "5 min",
+    1200.0: "20 min",
+    ALL_TIME: "whole run",
+}
 FOREVER = 1e9  # [s]: JSON has no infinity
 MARKS = 100
 MARK_WIDTH = 28  # characters
@@ -73,13 +81,13 @@ def panel(console: Host) -> None:
     curves, catalog = console.source, console.catalog
     assert curves is not None
     assert catalog is not None
-    ChartPanel(curves, first_panes(catalog, curves), lambda chart: show_commands(console, chart))
+    show_commands(console, ChartPanel(curves, first_panes(catalog, curves)))
 
 
 class ChartPanel:
     """A chart with its tree, kept consistent. Actions from the browser are checked here."""
 
-    def __init__(self, curves: SessionCurves, panes: list[web.Pane], start_marks: Callable[[web.Chart], None]) -> None:
+    def __init__(self, curves: SessionCurves, panes: list[web.Pane]) -> None:
         self.curves = curves
         with ui.row().classes("items-center full-width no-wrap gap-2"):
             self.span = ui.select(SPANS, value=10.0).props("dense options-dense borderless aria-label='seconds shown'")
@@ -105,7 +113,6 @@ class ChartPanel:
         self.chart.on_action("cursors", self.cursors)
         self.span.on_value_change(self.follow_time)
         self.resize()
-        start_marks(self.chart)
 
     def leaves(self) -> list[web.Leaf]:
         """Return all signals that can be shown, by member."""
@@ -145,8 +152,11 @@ class ChartPanel:
         )
 
     def follow_time(self) -> None:
-        """Follow the time again."""
-        self.chart.show_last(self.span.value)
+        """Follow the time again, or show the whole run."""
+        if self.span.value == ALL_TIME:
+            self.chart.show(None, None)
+        else:
+            self.chart.show_last(self.span.value)
         self.window({"follow": True})
 
     def window(self, action: dict[str, Any]) -> None:
@@ -163,21 +173,21 @@ class ChartPanel:
                 self.cursor_label.text = f"from t1 to t2: {b - a:.6g} s, {1 / abs(b - a):.6g} Hz"
 
 
-def show_commands(console: Host, chart: web.Chart) -> None:
-    """Show executed commands in the chart."""
+def show_commands(console: Host, panel: ChartPanel) -> None:
+    """Show executed commands in the chart, and the whole run at its end."""
     count, has_ended = [-1], [False]
     controls = {control.input: control for control in console.catalog.controls} if console.catalog is not None else {}
 
     def update() -> None:
         ended = console.live is not None and console.has_ended
         if ended and not has_ended[0]:
-            chart.show(None, None)  # the whole run
+            panel.span.set_value(ALL_TIME)
         has_ended[0] = ended
         done = console.live.done if console.live is not None else ()
         if len(done) != count[0]:
             count[0] = len(done)
             acts = [command for command in condense(done, controls) if RELEASED not in command.text]
-            chart.show_marks([{"at": act.time, "text": mark_text(act.text)} for act in acts[-MARKS:]])
+            panel.chart.show_marks([{"at": act.time, "text": mark_text(act.text)} for act in acts[-MARKS:]])
 
     ui.timer(0.25, update)
 

@@ -23,11 +23,14 @@ class Presence(Element, component="static/presence.js"):
 
 
 class Desk(Element, component="static/desk.js"):
-    """Shows held controls, renews them, and releases them if the page is hidden. `session`: they end with the session."""
+    """Shows held controls, renews them, and releases them if the page is hidden. `session`: they end with the session.
 
-    def __init__(self, controls: list[dict[str, Any]], *, session: bool = False) -> None:
+    `space_runs`: the space bar presses Run or Pause of a session, never with drives, which no key may start.
+    """
+
+    def __init__(self, controls: list[dict[str, Any]], *, session: bool = False, space_runs: bool = False) -> None:
         super().__init__()
-        self._props.update(controls=controls, session=session)
+        self._props.update(controls=controls, session=session, space_runs=space_runs)
 
 
 def control(name: str, label: str, about: str, keys: tuple[str, str], unit: str, most: float) -> dict[str, Any]:

@@ -99,6 +99,8 @@ def values(context: PageContext, live: LiveSession, settable: dict[str, CatalogS
         ]
         for name in matches[:MAX_MATCHES]:
             row(context, live, name, settable[name], listed.get(name))
+        if not matches:
+            ui.label("No value matches." if words else "Search for a value by a part of its name.").classes("twin-soft")
         if len(matches) > MAX_MATCHES:
             ui.label(f"and {len(matches) - MAX_MATCHES} more: refine the search").classes("twin-soft")
 

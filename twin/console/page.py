@@ -221,7 +221,7 @@ def _session(context: PageContext) -> None:
             with ui.element("div").classes("twin-card twin-controls") as card:
                 if picture is None:
                     failed = alert(card)
-                Desk(controls(catalog), session=True)
+                Desk(controls(catalog), session=True, space_runs=console.hardware is None)
                 if (
                     catalog.controls
                     and catalog.variant != scenario_paths.OPERATOR_VARIANT
@@ -257,8 +257,10 @@ def _bar(context: PageContext) -> None:
     with ui.row().classes("twin-bar items-center full-width"):
         run = ui.button("Run", icon="play_arrow", on_click=context.on_press(lambda: console.resume))
         run.props('unelevated no-caps color=primary aria-label="run"').classes("twin-run")
+        keys = "" if console.hardware is not None else " (space bar)"
+        run.props(f'title="Run{keys}"')
         pause = ui.button("Pause", icon="pause", on_click=context.on_press(lambda: live.pause))
-        pause.props('outline no-caps aria-label="pause"').classes("twin-run")
+        pause.props('outline no-caps aria-label="pause"').props(f'title="Pause{keys}"').classes("twin-run")
         finishing = ui.spinner(size="24px").props('aria-label="the results are written"').classes("twin-run")
         title = catalog.title.removesuffix(f": {catalog.variants.get(catalog.variant)}") or catalog.scenario
         ui.label(title).classes("twin-h ellipsis")
@@ -283,7 +285,7 @@ def _bar(context: PageContext) -> None:
         goes = live.state.phase == "running"
         run.visible = live.state.phase in ("paused", "ended")
         pause.visible = goes and not catalog.wall_clock
-        steps.visible = live.state.phase not in OVER
+        steps.visible = live.state.phase not in (*OVER, "finishing")
         finishing.visible = live.state.phase in ("finishing", "starting")
 
     update()

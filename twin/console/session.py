@@ -74,6 +74,15 @@ class Panel:
     activity: Callable[[Host], BackgroundActivity] | None = None
 
 
+@dataclass(frozen=True)
+class RunMetrics:
+    """Metrics of a run [SI] by name. `run`: its identity; `title`: variant, whether values were changed by hand, time of day."""
+
+    run: Any = None
+    values: Mapping[str, float] = field(default_factory=dict)
+    title: str = ""
+
+
 @dataclass
 class Host:
     """The console: one session at a time, in its own process. `arm` comes from the command line only."""
@@ -92,8 +101,8 @@ class Host:
     operator_lock: OperatorLock = field(default_factory=OperatorLock)
     activities: dict[str, BackgroundActivity] = field(default_factory=dict)  # by title of the panel
     lock: threading.Lock = field(default_factory=threading.Lock)  # of the use of the drives
-    latest_metrics: tuple[Any, dict[str, str]] = (None, {})  # of the shown run: its identity, texts by name
-    _metrics_before: dict[str, str] = field(default_factory=dict)  # of the last run that had some
+    latest_metrics: RunMetrics = RunMetrics()  # of the shown run
+    _metrics_before: RunMetrics = RunMetrics()  # of the last run that had some
     _source: SessionCurves | None = None
     _stopping: threading.Thread | None = None
 
@@ -184,15 +193,15 @@ class Host:
         """Text of the button that ends everything: STOP where drives or a rig under controls may move; empty if nothing runs."""
         if self.hardware is not None:
             return "STOP"
-        if self.live is None or not self.is_open:
-            return ""
+        if self.live is None or not self.is_open or self.live.state.phase == "finishing":
+            return ""  # the results are written: nothing moves
         return "STOP" if self.live.catalog is not None and self.live.catalog.controls else "End"
 
-    def metrics_before(self, run: Any) -> dict[str, str]:
-        """Return the metrics of the run before this one, by name; `run`: identity of this one."""
-        if self.latest_metrics[0] != run:
-            self._metrics_before = self.latest_metrics[1] or self._metrics_before
-            self.latest_metrics = (run, {})
+    def metrics_before(self, run: Any) -> RunMetrics:
+        """Return the metrics of the run before this one; `run`: identity of this one."""
+        if self.latest_metrics.run != run:
+            self._metrics_before = self.latest_metrics if self.latest_metrics.values else self._metrics_before
+            self.latest_metrics = RunMetrics(run)
         return self._metrics_before
 
     def leave(self) -> None:
@@ -202,7 +211,7 @@ class Host:
                 raise TwinError("a session is running. Stop it first.")
             self._end()
             self.live = self._stopping = self._source = None
-            self.latest_metrics, self._metrics_before = (None, {}), {}
+            self.latest_metrics = self._metrics_before = RunMetrics()
 
     @property
     def drives_in_use(self) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +16,8 @@ if TYPE_CHECKING:
 
 MAX_RECENT = 4
 TOPICS = scenario_paths.TOPICS
+OTHERS = "Others"
+TOPIC_PICTURES = Path(__file__).parent / "static" / "topics"
 Group = tuple[str, "list[tuple[str, scenario_paths.Overview]]"]  # heading, scenarios by name
 
 
@@ -30,6 +34,7 @@ def pick(context: PageContext) -> None:
     """Create a card for each scenario."""
     recent, scenarios = recent_and_all(context.console.runs)
     groups = group_scenarios(recent, scenarios)
+    headings = {heading for _, entries in groups for _, each in entries for heading in headings_of(each)}
     with ui.column().classes("twin-home"):
         ui.label("Select a scenario").classes("text-h6")
         search = (
@@ -37,57 +42,73 @@ def pick(context: PageContext) -> None:
             .props("dense outlined clearable debounce=100 autofocus aria-label='search scenarios'")
             .classes("full-width")
         )
+        topic = ui.toggle(
+            ["All", *(heading for heading in (*TOPICS.values(), OTHERS) if heading in headings)], value="All"
+        )
+        topic.props("dense no-caps unelevated aria-label='topic'").classes("twin-topics")
+
+        def selected() -> list[Group]:
+            return select_groups(groups, search.value or "", "" if topic.value == "All" else topic.value)
 
         @ui.refreshable
         def cards() -> None:
-            selected = select_groups(groups, search.value or "")
-            if not selected:
+            if not selected():
                 ui.label(no_match(search.value)).classes("twin-soft").props("role=status")
-            for heading, entries in selected:
+            for heading, entries in selected():
                 ui.label(heading).classes("twin-h")
                 with ui.element("div").classes("twin-cards"):
                     for name, overview in entries:
                         _card(context, name, scenarios[name], overview)
 
         async def begin_single_match() -> None:
-            matches = {name: each for _, entries in select_groups(groups, search.value or "") for name, each in entries}
+            matches = [entry for _, entries in selected() for entry in entries]
             if len(matches) == 1:
-                ((name, overview),) = matches.items()
+                ((name, overview),) = matches
                 await context.run(context.console.begin, scenarios[name], overview.variant)
 
         search.on_value_change(cards.refresh)
+        topic.on_value_change(cards.refresh)
         search.on("keydown.escape", lambda: search.set_value(""))
         search.on("keydown.enter", begin_single_match)
         cards()
 
 
+def headings_of(overview: scenario_paths.Overview) -> list[str]:
+    """Return the headings under which a scenario is looked for: to operate, and its topic."""
+    topics = ("operate",) * overview.has_controls + (overview.topic,)
+    return list(dict.fromkeys(TOPICS.get(topic, OTHERS) for topic in topics))
+
+
 def group_scenarios(recent: list[str], scenarios: dict[str, Path]) -> list[Group]:
-    """Return the recent scenarios, those to begin with, then all by topic; others than those of `TOPICS` come last."""
+    """Return each scenario once: those to begin with and the recent ones, then the others by topic."""
     overviews = {name: scenario_paths.overview(path) for name, path in sorted(scenarios.items())}
-    topics = {
-        topic: heading for topic, heading in TOPICS.items() if any(each.topic == topic for each in overviews.values())
-    }
-    groups: list[Group] = [("Recent", [(name, overviews[name]) for name in recent])]
-    groups.append(("Start here", [(name, overviews[name]) for name in scenario_paths.START_HERE if name in overviews]))
-    for topic, heading in topics.items():
-        groups.append((heading, [(name, each) for name, each in overviews.items() if each.topic == topic]))
-    groups.append(("Others", [(name, each) for name, each in overviews.items() if each.topic not in topics]))
+    first = [name for name in scenario_paths.START_HERE if name in overviews]
+    listed = {"Start here, and recent" if recent else "Start here": list(dict.fromkeys((*first, *recent)))}
+    groups, earlier = list[Group](), set[str]()
+    for heading in (*listed, *TOPICS.values(), OTHERS):
+        of_topic = [name for name, each in overviews.items() if headings_of(each)[0] == heading]
+        names = [name for name in listed.get(heading, of_topic) if name not in earlier]
+        earlier.update(names)
+        groups.append((heading, [(name, overviews[name]) for name in names]))
     return groups
 
 
-def select_groups(groups: list[Group], search: str) -> list[Group]:
-    """Return the groups with the scenarios whose name, title or heading contains all words; empty groups are left out."""
+def select_groups(groups: list[Group], search: str, topic: str = "") -> list[Group]:
+    """Return the groups with the scenarios whose name, title or headings contain all words; empty groups are left out.
+
+    `topic`: a heading, of which one group is returned with all its scenarios.
+    """
     words = search.casefold().split()
-    selected = []
-    for heading, entries in groups:
-        shown = [
-            (name, each)
-            for name, each in entries
-            if all(word in f"{name} {each.title} {heading}".casefold() for word in words)
-        ]
-        if shown:
-            selected.append((heading, shown))
-    return selected
+
+    def is_selected(name: str, each: scenario_paths.Overview) -> bool:
+        headings = headings_of(each)
+        text = f"{name} {each.title} {' '.join(headings)}".casefold()
+        return (not topic or topic in headings) and all(word in text for word in words)
+
+    selected = [(heading, [entry for entry in entries if is_selected(*entry)]) for heading, entries in groups]
+    if topic:
+        selected = [(topic, [entry for _, entries in selected for entry in entries])]
+    return [(heading, entries) for heading, entries in selected if entries]
 
 
 def no_match(search: str) -> str:
@@ -97,35 +118,44 @@ def no_match(search: str) -> str:
     return f"No scenario matches.{study}"
 
 
-def shown_duration(overview: scenario_paths.Overview) -> str:
-    """Return the simulated time of a session; with controls it lasts until the operator ends it."""
-    return "until you end it" if overview.has_controls else overview.duration.replace(" ", "\N{NO-BREAK SPACE}")
+@cache
+def topic_pictures() -> dict[str, str]:
+    """Return the SVG picture of each topic, a part of the page, so that it appears with its card."""
+    return {path.stem: path.read_text(encoding="utf-8") for path in TOPIC_PICTURES.glob("*.svg")}
+
+
+def facts(overview: scenario_paths.Overview) -> str:
+    """Return what distinguishes a scenario from others of its topic: how it is operated or what it compares, and how long it lasts."""
+    if overview.has_controls:
+        return "operate by keys or gamepad, until you end it"
+    compared = f"compares {overview.variants} variants" if overview.variants > 1 else ""
+    return ", ".join(filter(None, (compared, overview.duration.replace(" ", "\N{NO-BREAK SPACE}"))))
 
 
 def _card(context: PageContext, name: str, path: Path, overview: scenario_paths.Overview) -> None:
-    duration = shown_duration(overview)
     with (
         ui.element("button")
         .classes("twin-card twin-pick")
         .on("click", context.on_press(lambda: context.console.begin, path, overview.variant))
     ):
         if overview.topic in TOPICS:
-            ui.html(f'<img src="/console/topics/{overview.topic}.svg" alt="" loading="lazy">', sanitize=False)
+            ui.html(topic_pictures()[overview.topic], sanitize=False).props("aria-hidden=true")
         with ui.element("div"):
-            with ui.row().classes("items-center gap-2"):
-                ui.label(name).classes("twin-h")
-                if overview.has_controls:
-                    ui.badge("has controls").props("outline")
-            ui.label(f"{overview.title}{f', {duration}' if duration else ''}").classes("twin-soft")
+            ui.label(name).classes("twin-h")
+            ui.label(overview.title)
+            ui.label(facts(overview)).classes("twin-soft")
 
 
 def starting(context: PageContext) -> None:
     """Show the progress of a starting session, or why it failed."""
-    console = context.console
+    console, begin = context.console, time.monotonic()
     with ui.column().classes("twin-home items-center"):
         busy = ui.spinner(size="32px")
         ui.label(console.scenario.stem if console.scenario else "").classes("text-h6")
-        message = ui.label().classes("twin-soft")
+        message = ui.label().props("role=status")
+        note = ui.label("Only the first time: members are translated to C and compiled, and stored.").classes(
+            "twin-soft"
+        )
         back = ui.button("another scenario", on_click=context.on_press(lambda: console.leave)).props("no-caps outline")
 
         def update() -> None:
@@ -133,8 +163,10 @@ def starting(context: PageContext) -> None:
             if live is None:
                 return
             failed = live.state.phase == "failed"
-            message.text = live.state.message or "preparing ..."
+            elapsed = "" if failed else f", {time.monotonic() - begin:.0f} s"
+            message.text = (live.state.message or "starting a process for the session") + elapsed
             busy.visible, back.visible = not failed, failed
+            note.visible = live.state.message.startswith("building")
 
         update()
         ui.timer(0.1, update)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import html
 import json
 import math
 import subprocess
@@ -17,9 +18,10 @@ from nicegui import run as nicegui_run
 from nicegui import ui
 
 from twin.console import operator_panel, targets
-from twin.console.verdicts import METRIC, NOT_JUDGED, REFERENCE, WAITING, Row, SessionVerdicts, headline, warning_rows
+from twin.console.verdicts import METRIC, NOT_JUDGED, WAITING, Row, SessionVerdicts, headline, warning_rows
 from twin.errors import TwinError
 from twin.live import OVER
+from twin.results import common_format, count_verdicts, requirements_text
 from twin.run import Score, session_verdict
 
 if TYPE_CHECKING:
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
     from starlette.responses import Response
 
     from twin.console.page import PageContext
-    from twin.console.session import Host
+    from twin.console.session import Host, RunMetrics
     from twin.live import LiveSession
 
 JUDGE_PERIOD = 1.0  # [s]
@@ -38,6 +40,8 @@ QUICK = (
     0.05  # a judgment that takes longer is followed by a pause of ten times its duration [s]: joysticks need the server
 )
 PAGE, REPORT = "signals.html", "report.html"
+DIGITS = 4  # of the largest number in a row of metrics
+HEADLINE_METRICS = 3  # of the card at the end
 SYMBOLS = {
     "pass": ("check_circle", "twin-good"),
     "fail": ("cancel", "twin-bad"),
@@ -97,7 +101,8 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
     shown: list[Any] = [None]
     paused_until = [0.0]
     live, before = verdicts.live, console.metrics_before((id(verdicts.live), verdicts.live.state.epoch))
-    total = ui.label("Run to judge them.").classes("twin-h").mark("headline")
+    is_started = live.state.phase in (*OVER, "finishing") or live.state.time > verdicts.catalog.start
+    total = ui.label("Judging ..." if is_started else "Run to judge them.").classes("twin-h").mark("headline")
     column = ui.column().classes("full-width gap-1")
 
     async def judge() -> None:
@@ -107,33 +112,75 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
         rows = await nicegui_run.io_bound(verdicts.rows)
         if (duration := time.monotonic() - begin) > QUICK:
             paused_until[0] = begin + 11 * duration
-        has_ended = live.state.phase in OVER or live.state.time >= verdicts.catalog.judged_until
+        is_open = any(row.verdict == WAITING for row in rows or ())
+        has_ended = live.state.phase in OVER or (live.state.time >= verdicts.catalog.judged_until and not is_open)
         is_scored = bool(verdicts.catalog.targets)  # then warnings are in the line of the score
         warnings = () if is_scored else await nicegui_run.io_bound(warning_rows, live) or ()
-        counted = [*(rows or ()), *map(named_warning, warnings)]
-        if (counted, has_ended) == shown[0] or not rows:
+        is_over = live.state.phase in OVER
+        counted = [not_reached(row) if is_over else row for row in rows or ()]
+        counted += [named_warning(row) for row in warnings]
+        if (counted, has_ended) == shown[0] or not rows or total.is_deleted:  # the page was built anew meanwhile
             return
         shown[0], total.text = (counted, has_ended), headline(counted, has_ended)
         names = [row.name for row in rows if row.verdict == "fail" and not row.is_metric]
         failed.text, failed.visible = f"Not met: {'; '.join(names)}", bool(names)
-        is_changed = bool(live.changes.get(live.state.epoch)) and not verdicts.catalog.controls
-        metrics = [row for row in rows if row.is_metric and row.verdict != WAITING]
-        console.latest_metrics = (
-            (id(live), live.state.epoch),
-            {row.name: row.detail.partition(REFERENCE)[0] + ", changed by hand" * is_changed for row in metrics},
-        )
+        values = {row.name: row.value for row in rows if row.value is not None}
+        title = console.source.title if console.source is not None else ""
+        console.latest_metrics = replace(console.latest_metrics, values=values, title=title)
         column.clear()
         with column:
+            metric_table([row for row in counted if row.is_metric], before)
             for row in counted:
-                past = before.get(row.name)
-                listed(row, f"{row.detail}; the run before: {past}" if past else row.detail)
+                if not row.is_metric:
+                    listed(row, row.detail)
 
     ui.timer(JUDGE_PERIOD, judge)
+
+
+def not_reached(row: Row) -> Row:
+    """Return a row of a session that is over: what was still to come was not reached."""
+    is_open = row.verdict == WAITING or (row.is_metric and row.metric is not None and row.value is None)
+    return replace(row, verdict=NOT_JUDGED, detail="not reached") if is_open else row
 
 
 def named_warning(row: Row) -> Row:
     """Return the row of a warning with a name that says whether it was shown."""
     return replace(row, name=f"{'Warning' if row.verdict == 'fail' else 'No warning'}: {row.name}")
+
+
+def metric_table(rows: list[Row], before: RunMetrics) -> None:
+    """Create a table of metrics: now, in the run before, and their reference; each row in one unit with equal decimals."""
+    columns = ["now", "before", "reference"]
+    texts = [(row, metric_texts(row, before.values.get(row.name))) for row in rows]
+    shown = [k for k in range(3) if k == 0 or any(cells[k] for _, cells in texts)]
+    if not rows:
+        return
+    lines = ["<thead><tr><th></th>" + "".join(f"<th>{columns[k]}</th>" for k in shown) + "</tr></thead>"]
+    for row, cells in texts:
+        unit = f" [{row.metric.unit}]" if row.metric is not None and row.metric.unit else ""
+        color = {"pass": "twin-good", "fail": "twin-bad"}.get(row.verdict, "")
+        sign = {"pass": "\N{CHECK MARK} ", "fail": "\N{BALLOT X} "}.get(row.verdict, "")
+        numbers = [
+            f'<td class="{color if k == 0 else "twin-soft"}">{sign * (k == 0)}{html.escape(cells[k])}</td>'
+            for k in shown
+        ]
+        short = row.name.partition(";")[0].partition(" (")[0] + unit
+        lines.append(f"<tr><td title='{html.escape(row.name)}'>{html.escape(short)}</td>{''.join(numbers)}</tr>")
+    ui.html(f'<table class="twin-metrics">{"".join(lines)}</table>', sanitize=False).classes("full-width")
+    if 1 in shown:
+        ui.label(f"before: {before.title}").classes("twin-soft twin-line")
+
+
+def metric_texts(row: Row, before: float | None) -> list[str]:
+    """Return the present value of a metric, that of the run before and the reference, in one unit with equal decimals."""
+    if row.metric is None or row.value is None:
+        return [row.detail, "", ""]
+    values = [row.value, before, row.reference]
+    given = [value for value in values if value is not None]
+    style = common_format(given, row.metric.unit, row.metric.is_difference)
+    if style.decimals is None and 0.0 < (largest := max(map(abs, given))) < 1.0:  # smaller than in other tables
+        style = replace(style, decimals=DIGITS - 1 - math.floor(math.log10(largest)))
+    return ["" if value is None else style.number(value) for value in values]
 
 
 def listed(row: Row, detail: str) -> None:
@@ -150,7 +197,7 @@ def listed(row: Row, detail: str) -> None:
 class SessionResult:
     """Result of a session that is over: passed, failed, targets left or ended early; its score in words; requirements (targets first) and metrics; warnings.
 
-    `early`: why it ended before its end, or nothing.
+    `score` counts requirements where there are no targets. `early`: why it ended before its end, or nothing.
     """
 
     kind: str = ""
@@ -179,16 +226,20 @@ def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> Sessi
         [row.verdict for row in (*judged, *warnings)], is_complete, not is_open
     )
     words = operation.get("targets", {}).get("detail", words)
+    if not words and "expectations" in summary:  # the words of the report
+        skipped = sum(each["verdict"] == "skipped" for each in summary["expectations"])
+        words = requirements_text(*count_verdicts(summary), skipped)
+    words = words or headline([*rows, *warnings], True)
     return SessionResult(kind, words, tuple(rows), tuple(warnings), early)
 
 
-def result_card(result: SessionResult) -> None:
-    """Create the card: verdict, score, requirements that are not met, all warnings."""
+def result_card(result: SessionResult, before: RunMetrics) -> None:
+    """Create the card: verdict, score, the most important metrics, requirements that are not met, warnings."""
     with ui.column().classes("twin-result full-width gap-1").mark("result"):
         with ui.row().classes("items-center gap-2"):
             color = {"failed": "twin-bad", "passed": "twin-good"}.get(result.kind, "twin-warn")
             ui.label(result.kind.capitalize()).classes(f"twin-state {color}")
-            ui.label(result.score or headline([*result.requirements, *result.warnings], True)).classes("twin-h")
+            ui.label(result.score).classes("twin-h")
         if result.early:
             ui.label(result.early)
         with ui.element("div").classes("twin-result-rows full-width"):
@@ -197,7 +248,11 @@ def result_card(result: SessionResult) -> None:
                     problem = "Far from its reference: " if row.is_metric else "Not met: "
                     listed(replace(row, name=problem * (not row.is_targets) + row.name), row.detail)
             for row in map(named_warning, result.warnings):
-                listed(row, row.detail)
+                if row.verdict == "fail":
+                    listed(row, row.detail)
+        metrics = [row for row in result.requirements if row.value is not None]
+        compared = [row for row in metrics if row.reference is not None]
+        metric_table((compared or metrics)[:HEADLINE_METRICS], before)
 
 
 def banner(context: PageContext) -> None:
@@ -229,9 +284,11 @@ def banner(context: PageContext) -> None:
             fill(context, kind)
         if kind in OVER or kind == "targets":
             result = await nicegui_run.io_bound(session_result, live, context.verdicts)
-            if result is not None and result.kind and shown[0] == kind:
+            if result is not None and result.kind and shown[0] == kind and not over.is_deleted:
                 with over:
-                    result_card(result if kind in OVER or result.kind == "failed" else replace(result, kind="passed"))
+                    passes = kind not in OVER and result.kind != "failed"
+                    before = context.console.metrics_before((id(live), state.epoch))
+                    result_card(replace(result, kind="passed") if passes else result, before)
 
     over.visible = False
     ui.timer(0.2, update)
@@ -239,8 +296,9 @@ def banner(context: PageContext) -> None:
 
 def fill(context: PageContext, kind: str) -> None:
     """Fill the summary: what has ended, and what can be done next."""
-    console, live = context.console, context.console.live
+    console, live, catalog = context.console, context.console.live, context.console.catalog
     assert live is not None
+    assert catalog is not None
     state = live.state
     texts = {
         "stopped": "The session is over.",
@@ -253,23 +311,24 @@ def fill(context: PageContext, kind: str) -> None:
     def button(text: str, action: Callable[..., Any], *arguments: Any) -> None:
         async def press_once() -> None:
             made.disable()  # a second click of a double click would reach the next session
-            if not await context.run(action, *arguments):
+            if not await context.run(action, *arguments) and not made.is_deleted:
                 made.enable()
 
         made = ui.button(text, on_click=press_once).props("dense no-caps outline")
 
+    again = "again" if catalog.controls else "again: change and compare"
     if kind == "reached":
-        button("change and compare", console.reset)
+        button(again, console.reset)
     elif kind == "targets":
         button("end: replay and report", console.stop)
-        button("again", console.reset)
+        button(again, console.reset)
     elif kind:
         if state.folder:
             ui.link("replay and signals in the viewer", "/signals", new_tab=True)
             if (Path(state.folder) / REPORT).is_file():
                 ui.link("report", "/report", new_tab=True)
             ui.label(f"Results: {state.folder}").classes("twin-soft twin-line")
-        button("again", console.restart, console.variant)
+        button(again, console.restart, console.variant)
         if live.changed_values:
             button("again with nominal values", console.restart, console.variant, True)
         button("another scenario", console.leave)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from twin import clock
 from twin.errors import TwinError
 from twin.live import OVER, RefusedError
-from twin.results import Signals, evaluate
+from twin.results import Signals, evaluate, requirements_text
 from twin.run import warning_result
 from twin.scenario import lint
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from twin.results import Expectation, Expression, Metric, MetricResult
 
 WAITING, NOT_JUDGED, METRIC = "waiting", "not judged", ""
-REFERENCE = "; reference"  # of this variant, behind the value of a metric
 
 
 @dataclass(frozen=True)
@@ -32,6 +31,9 @@ class Row:
     detail: str
     is_metric: bool = False
     is_targets: bool = False
+    metric: Metric | None = None
+    value: float | None = None  # of a metric [SI]
+    reference: float | None = None  # of this variant [SI]
 
 
 class SessionVerdicts:
@@ -112,7 +114,9 @@ class SessionVerdicts:
             if name in reached:
                 rows.append(metric_row(reached[name], name not in unfinished))
             elif begin(metric) > now:
-                rows.append(Row(WAITING, metric_name(metric), f"from {begin(metric):g} s", True))
+                paper = metric.paper.get(self.catalog.variant)
+                verdict = WAITING if paper is not None and metric.tolerance is not None and not changed else METRIC
+                rows.append(Row(verdict, metric_name(metric), f"from {begin(metric):g} s", True, metric, None, paper))
         return rows
 
     def _begin(self, expectation: Expectation) -> float:
@@ -128,12 +132,13 @@ def metric_name(metric: Metric) -> str:
 
 
 def metric_row(result: MetricResult, is_final: bool) -> Row:
-    """Return the row of a metric; one that is not final may still miss its reference, and is not failed."""
+    """Return the row of a metric; one that is not final may still come within its tolerance, and is not failed."""
     metric = result.metric
-    reference = "" if result.paper is None else f"{REFERENCE} {metric.shown(result.paper)}"
-    is_judged = result.verdict == "pass" or (result.verdict == "fail" and is_final)
+    reference = "" if result.paper is None else f"; reference {metric.shown(result.paper)}"
+    verdict = {"pass": "pass", "fail": "fail" if is_final else WAITING, "none": "fail" if is_final else METRIC}
     detail = f"{metric.shown(result.mean, result.scale)}{reference}"
-    return Row(result.verdict if is_judged else METRIC, metric_name(metric), detail, True)
+    name = metric_name(metric)
+    return Row(verdict.get(result.verdict, METRIC), name, detail, True, metric, result.mean, result.paper)
 
 
 def warning_rows(live: LiveSession, end: float = math.inf) -> list[Row]:
@@ -170,18 +175,12 @@ def begin(judged: Metric | Expectation) -> float:
 
 
 def headline(rows: list[Row], has_ended: bool) -> str:
-    """Return the result of all requirements in a sentence; empty if there are none. Metrics with a reference are none."""
-    off = [row.name for row in rows if row.is_metric and row.verdict == "fail"]
-    rows = [row for row in rows if not row.is_metric]
-    counts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in ("pass", "fail", WAITING)}
-    judged = counts["pass"] + counts["fail"]
-    if not judged and not counts[WAITING]:
+    """Return the result of all requirements in a sentence; empty if there are none. Metrics with a tolerance are requirements."""
+    met, failed, still_open, left = (
+        sum(row.verdict == verdict for row in rows) for verdict in ("pass", "fail", WAITING, NOT_JUDGED)
+    )
+    if has_ended:
+        return requirements_text(met, met + failed, left + still_open)
+    if not met + failed + still_open:
         return ""
-    if counts[WAITING] or not has_ended:
-        still_open = f", {counts[WAITING]} open" if counts[WAITING] else ""
-        return f"So far {counts['pass']} met, {counts['fail']} failed{still_open}."
-    left = sum(row.verdict == NOT_JUDGED for row in rows)
-    rest = f", {left} not judged" * bool(left) + f"; {len(off)} metrics far from their reference" * bool(off)
-    if counts["fail"]:
-        return f"{counts['fail']} of {judged} requirements failed{rest}."
-    return f"{judged} of {judged} requirements met{rest}." if left else f"All {judged} requirements met{rest}."
+    return f"So far {met} met, {failed} failed{f', {still_open} open' * bool(still_open)}."

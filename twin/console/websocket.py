@@ -4,7 +4,7 @@ A page answers each tick with the held controls and the number of the tick, from
 including network delays. Messages are not trusted: see `PageMessages`. To the page:
 
     {"tick", "stop", "phase", "time", "rate", "achieved", "lag", "epoch", "operator", "watching", "attend", "held", "values", "message",
-     "dropped": the server has dropped this page, which reloads itself,
+     "run": its number, after whose change no earlier value is valid; "dropped": the server has dropped this page, which reloads itself,
      "space": what moves in the shown scene in three dimensions, when it has changed}
 
 From the page, one of these, up to MAX_CHARACTERS characters:
@@ -59,6 +59,8 @@ class PageMessages:
         self._sent: dict[int, float] = {}
         self.watched: tuple[str, ...] = ()
         self.scales: dict[str, tuple[float, float]] = {}  # factor and offset of the watched signals to SI
+        self._run: tuple[LiveSession, int] | None = None
+        self.runs = 0  # number of the shown run
         self.shown: dict[str, bytes] = {}  # values of the watched signals as the page has them
         self.space: SpaceView | None = None
         self.frame: dict[str, Any] | None = None  # of that scene, as the page has it
@@ -67,6 +69,12 @@ class PageMessages:
         """Record the time of a tick."""
         self._sent[tick] = self._now()
         self._sent.pop(tick - MAX_TICKS, None)
+
+    def begin_run(self, live: LiveSession, epoch: int) -> None:
+        """Count a run that differs from the shown one, of which the page has no values."""
+        if self._run != (live, epoch):
+            self._run, self.shown, self.frame = (live, epoch), {}, None
+            self.runs += 1
 
     def take(self, text: str) -> None:
         """Execute a message."""
@@ -193,6 +201,7 @@ def tick_message(console: Host, client: str, tick: int, messages: PageMessages) 
     if live is None:
         return json.dumps({**page, "phase": "", "held": held})
     state, values = live.state, dict[str, Any]()
+    messages.begin_run(live, state.epoch)
     if messages.watched:
         with suppress(TwinError, OSError):  # a run whose files are closed or removed
             for name, value in live.latest(messages.watched).values.items():
@@ -206,6 +215,7 @@ def tick_message(console: Host, client: str, tick: int, messages: PageMessages) 
     return json.dumps(
         {
             **page,
+            "run": messages.runs,
             "phase": state.phase,
             "time": state.time,
             "rate": number(state.rate),

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from twin.face import arrays
-from twin.results import common_format, count_verdicts, display_units, figure_files, format_value, si_conversion
+from twin.results import (
+    common_format,
+    count_verdicts,
+    display_units,
+    figure_files,
+    format_value,
+    requirements_text,
+    si_conversion,
+)
 from twin.structure import picture, short_name
 
 if TYPE_CHECKING:
@@ -199,9 +207,7 @@ def outcome(summary: Mapping[str, Any]) -> tuple[str, str]:
     """Return the kind of the outcome of a run, pass or fail, and its text."""
     met, judged = count_verdicts(summary)
     skipped = [each["verdict"] for each in summary["expectations"]].count("skipped")
-    text = (f"{met} of {judged} requirements met" if judged else "completed") + f", {skipped} not judged" * bool(
-        skipped
-    )
+    text = requirements_text(met, judged, skipped) or "completed"
     if summary["status"] != "completed":
         return "fail", f"{summary['status']}: {summary['reason']}"
     return ("pass", f"✓ {text}") if summary["passed"] else ("fail", f"✗ {text}")

@@ -45,6 +45,7 @@ class SessionProcess:
     def prepare(self) -> ScenarioSpec:
         """Return the scenario of the session: one variant with one seed, with all visible signals recorded."""
         job, session = self.job, self.session
+        self.progress("reading the scenario", 0.0)
         scenario = load_scenario(job["scenario"], job["overrides"])
         variant = job["variant"] or scenario.variants[0].variant
         seeds = scenario.seeds[0] if job["seed"] is None else job["seed"]
@@ -79,6 +80,7 @@ class SessionProcess:
             early_end=session.early_end,
             paused_time=lambda: session.paused_time,
         )
+        self.progress("loading the members", 0.0)
         while True:
             outcome = run_scenario(own, options, hardware=self.hardware, callbacks=callbacks)
             if session.drives is not None and not session.gone:
@@ -102,7 +104,7 @@ class SessionProcess:
                     self.session.send(answer=message["number"], refused="the simulation has failed. Reset it.")
 
     def progress(self, name: str, _part: float) -> None:
-        """Send what is built before the first step, each once."""
+        """Send what is done before the first step, each once."""
         if self.session.phase == "starting" and name != self.said:
             self.said = name
             self.session.send(progress=name)

@@ -58,6 +58,7 @@ from .recording.latest_run import suggest_folders as suggest_folders
 from .recording.run_folder import RecordedVariable as RecordedVariable
 from .recording.run_folder import count_verdicts as count_verdicts
 from .recording.run_folder import describe_outcome as describe_outcome
+from .recording.run_folder import requirements_text as requirements_text
 from .recording.run_folder import write_text as write_text
 from .recording.signal_reader import list_recorded_variables as list_recorded_variables
 from .recording.signal_reader import read_variables as read_variables

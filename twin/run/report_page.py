@@ -22,6 +22,7 @@ from twin.results import (
     group_lines,
     metric_formats,
     si_conversion,
+    requirements_text,
     trace_to_inputs,
     worst_seeds_first,
 )
@@ -191,7 +192,9 @@ def report_html(
             key_rows=key_rows(evaluation),
             outcomes=evaluation.expectation_results,
             counts=count_verdicts(summary),
-            not_judged=sum(result.verdict == "skipped" for result in evaluation.expectation_results),
+            requirements=requirements_text(
+                *count_verdicts(summary), sum(result.verdict == "skipped" for result in evaluation.expectation_results)
+            ),
             published=sum(result.verdict == "pass" for result in evaluation.metric_results),
             failures=failures,
             changed_notes=changed_notes,

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 FOLDERS = {"scenario": "scenarios", "study": "scenarios/studies", "validation": "validation"}
 TOPICS = {  # `topic` of a scenario, heading
     "operate": "Operate",
+    "navigation": "Navigation",
     "force": "Force on the beating heart",
     "grippers": "Grippers and rig",
-    "navigation": "Navigation",
     "injection": "Injection",
     "drives": "Drives and failures",
 }
@@ -71,7 +71,7 @@ def is_study_file(path: Path) -> bool:
 class Overview:
     """What a list shows of a scenario. `duration`: its stop time as written, also in a file that it extends.
 
-    `variant`: the one for an operator, None if there is none.
+    `variant`: the one for an operator, None if there is none. `variants`: their number.
     """
 
     title: str
@@ -79,6 +79,7 @@ class Overview:
     duration: str = ""
     has_controls: bool = False
     variant: str | None = None
+    variants: int = 1
 
 
 def overview(path: Path) -> Overview:
@@ -89,13 +90,13 @@ def overview(path: Path) -> Overview:
         root = yaml_reader.read(path, path.name)
     except ScenarioError as error:
         return Overview(error.problems[0])
-    stop_node, console = (_inherited(path, root, key) for key in ("stop_time", "console"))
+    stop_node, console, variants = (_inherited(path, root, key) for key in ("stop_time", "console", "variants"))
     nodes = (root.get("title"), root.get("description"), root.get("topic"), stop_node)
     title, description, topic, stop = ("" if node.value is None else str(node.value) for node in nodes)
     duration = f"{stop} s" if stop.replace(".", "").isdigit() else stop
     has_controls = isinstance(console.value, list) or "controls" in console.entries
     variant = OPERATOR_VARIANT if has_controls and OPERATOR_VARIANT in root.get("variants").entries else None
-    return Overview(title or description, topic, duration, has_controls, variant)
+    return Overview(title or description, topic, duration, has_controls, variant, max(len(variants.entries), 1))
 
 
 def _inherited(path: Path, root: Node, key: str) -> Node:

@@ -38,6 +38,7 @@ class Channel {
     socket.onmessage = (event) => {
       if (this.socket !== socket) return;
       const state = JSON.parse(event.data);
+      if (state.values && state.run !== this.run) { this.run = state.run; this.values = {}; }  // those of another run
       if (state.values) state.values = Object.assign(this.values, state.values);  // the server sends those that have changed
       if (state.dropped) { location.reload(); return; }
       if (state.tick) { this.tick = state.tick; this.operator = state.operator; this.seen = performance.now(); }

@@ -72,10 +72,10 @@ export default {
               @pointerup="pull(one)" @pointercancel="pull(one)" @lostpointercapture="pull(one)">{{ one.kind === "hold" ? "+" : "press" }}</button>
     </div>
     <p v-if="!controls.length && !over" class="twin-soft">Runs by itself: press Run, change values while it runs.</p>
-    <p v-else :class="stopped || early || idle.length ? 'twin-warn' : 'twin-soft'" role="status">{{ over ? "The session is over" + (controls.length ? ": controls have no effect." : ".") : !operator ? watching : paused ? "Paused: press Run, then hold a control." : early ? "Held since before Run: release and press again." : stopped ? "Stopped by the dead-man switch. Release and hold again." : idle.length ? "Stopped. Release and hold again." : "Motion lasts while you hold a control." }}</p>
+    <p v-else-if="controls.length" :class="stopped || early || idle.length ? 'twin-warn' : 'twin-soft'" role="status">{{ over ? "The session is over: controls have no effect." : !operator ? watching : paused ? "Paused: press Run, then hold a control." : early ? "Held since before Run: release and press again." : stopped ? "Stopped by the dead-man switch. Release and hold again." : idle.length ? "Stopped. Release and hold again." : "Motion lasts while you hold a control." }}</p>
     <p v-if="pad && !over" class="twin-soft">{{ pad }}</p>
   </div>`,
-  props: { controls: Array, session: Boolean },
+  props: { controls: Array, session: Boolean, space_runs: Boolean },
   data: () => ({ operator: false, watching: "Connecting ...", over: false, paused: false, held: {}, deflections: {}, dropped: 0, early: false, idle: [], pad: "" }),  // idle: keys that are held and move nothing
   computed: {
     stopped() { return this.dropped > DROPPED; },
@@ -131,6 +131,7 @@ export default {
       if (event.code === "Escape") { this.idle = this.hands.keys(); this.hands.releaseAll(); return; }
       if (!down) this.idle = this.idle.filter((code) => code !== event.code);
       if (down && (event.target.closest?.(TYPED) || event.ctrlKey || event.altKey || event.metaKey)) return;
+      if (this.runs(event, down)) return;
       for (const one of this.controls) {
         const way = one.keys.indexOf(event.code);
         if (way < 0) continue;
@@ -139,6 +140,13 @@ export default {
         if (!event.repeat) this.hands.move(one.name, event.code, down ? (way === 0 ? 1 : -1) : 0);
         else if (!this.hands.keys().includes(event.code) && !this.idle.includes(event.code)) this.idle.push(event.code);  // held since before it was released
       }
+    },
+    // Space presses Run or Pause, without drives only, and not where it presses the focused button
+    runs(event, down) {
+      if (event.code !== "Space" || !this.space_runs || this.controls.some((one) => one.keys.includes("Space")) || event.target.closest?.("button, a, [role=button]")) return false;
+      event.preventDefault();  // the page would scroll
+      if (down && !event.repeat) [...document.querySelectorAll(".twin-run[aria-label]")].find((button) => button.checkVisibility())?.click();
+      return true;
     },
     // called on every tick: a stick that springs back is a dead-man switch by itself
     gamepad() {

@@ -11,15 +11,18 @@ export default {
   props: { views: Array, warnings: Array, reached: Array, controls: Array },
   data: () => ({ warning: "" }),
   mounted() {
-    const move = drawViews(this.$el, this.views);
+    const move = drawViews(this.$el, this.views), moving = movingSignals(this.views);
+    const hide = (is_hidden) => { this.$el.style.visibility = is_hidden ? "hidden" : ""; };
+    hide(moving.length > 0);  // until its values are there: those of the start are no result
     this.onTick = (state) => {
       if (!state.values || document.hidden) return;
       for (const one of this.controls) if (state.held?.[one.input]) this.moved = { ...this.moved, [one.input]: [state.time, state.held[one.input] > 0 ? 1 : 0] };
+      hide(moving.length && !moving.some((name) => name in state.values));
       move(state.values, this.reached);
       this.warn(state);
     };
     channel.listeners.add(this.onTick);
-    channel.watch(this, [...new Set([...movingSignals(this.views), ...this.warnings.map((one) => one.signal)])]);
+    channel.watch(this, [...new Set([...moving, ...this.warnings.map((one) => one.signal)])]);
   },
   unmounted() { channel.listeners.delete(this.onTick); channel.watch(this, []); },
   methods: {

@@ -299,6 +299,14 @@ def count_verdicts(summary: Mapping[str, Any]) -> tuple[int, int]:
     return verdicts.count("pass"), sum(verdict in ("pass", "fail", "none") for verdict in verdicts)
 
 
+def requirements_text(met: int, judged: int, not_judged: int = 0) -> str:
+    """Return how many requirements are met or failed, as report, notebook and console say it."""
+    counts = (
+        f"{met} of {judged} requirements met" if met == judged else f"{judged - met} of {judged} requirements failed"
+    )
+    return ", ".join([counts] * bool(judged) + [f"{not_judged} not judged"] * bool(not_judged))
+
+
 def describe_outcome(summary: Mapping[str, Any]) -> tuple[str, str]:
     """Return the outcome of a run as a word, such as PASS, and the counts: `2 of 6 requirements failed, 11 not judged, 1 warning`."""
     met, judged = count_verdicts(summary)
