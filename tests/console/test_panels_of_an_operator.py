@@ -254,7 +254,7 @@ def test_values_are_listed_and_found(setting):
     assert search.props["placeholder"] == f"search {len(names)} inputs and parameters"
     for text, shown in (
         ("spring P_02", ["a.p_02"]),
-        ("spring p_03", []),
+        ("spring p_03", ["No value matches."]),
         ("a.p", [*names[:MAX_MATCHES], "and 2 more: refine the search"]),
         ("a.p_0", names[:10]),
         (None, ["a.p_03", "a.p_01"]),

@@ -30,10 +30,10 @@ class Row:
     name: str
     detail: str
     is_metric: bool = False
-    is_targets: bool = False
     metric: Metric | None = None
     value: float | None = None  # of a metric [SI]
     reference: float | None = None  # of this variant [SI]
+    is_targets: bool = False
 
 
 class SessionVerdicts:

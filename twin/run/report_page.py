@@ -21,8 +21,8 @@ from twin.results import (
     find_violations,
     group_lines,
     metric_formats,
-    si_conversion,
     requirements_text,
+    si_conversion,
     trace_to_inputs,
     worst_seeds_first,
 )
