@@ -22,7 +22,7 @@ import twin
 import twin.face
 from tests.face.parts import SCENARIO, Types
 from tests.viewer.recorded import folder_of
-from twin.errors import ScenarioError, TwinError, UnknownNameError
+from twin.errors import ScenarioError, SimulationError, TwinError, UnknownNameError
 from twin.face import arrays, open_run
 from twin.results import RecordedVariable
 
@@ -89,6 +89,16 @@ def test_set_gives_another_scenario(scenario, place, build):
         with pytest.raises(ScenarioError) as caught:
             scenario.set(name, value)
         assert not any("--" in problem for problem in caught.value.problems)
+
+
+def test_a_variant_that_no_value_changes_is_compared_with_the_paper(scenario, place, build):
+    """All were `other settings`; what a value of one variant leaves alone keeps its verdict."""
+    options = {"out": place / "partly", "build": build, "report": False, "backend": "interpreted"}
+    for name, verdict in (("variants.strong.part.gain", "pass"), ("variants.plain.part.gain", "other settings")):
+        metrics = scenario.set(name, 2.5).run(["plain", "strong"], 1, **options).metrics
+        assert metrics.set_index("variant").verdict.to_dict() == {"plain": verdict, "strong": "info"}
+    both = scenario.set("variants.strong.part.gain", 2.5).set("part.mass", "2 kg").run("plain", 1, **options)
+    assert both.metrics.verdict.tolist() == ["other settings"]
 
 
 @pytest.mark.slow
@@ -474,10 +484,34 @@ class Divides(Types):
 @pytest.mark.parametrize("backend", ["interpreted", "compiled", pytest.param("fmu", marks=pytest.mark.slow)])
 def test_a_division_by_zero_is_reported_with_file_and_line(scenario, place, build, backend):
     failing = scenario.set("part.component", Divides).set("seeds", [1])
-    run = failing.run("plain", out=place / "divided", build=build, backend=backend, report=False)
+    with pytest.raises(SimulationError) as caught:
+        failing.run("plain", out=place / "divided", build=build, backend=backend, report=False)
     line = Divides.step.__code__.co_firstlineno + 1
-    assert run.status == "failed"
+    run = caught.value.run
+    assert (run.status, run.passed, "part.push" in run) == ("failed", False, True)
     assert f"{__file__}:{line}: " in run.reason
+    assert [run.reason, f"What was recorded is in {run.folder}, and here as error.run."] == caught.value.problems
+    with pytest.raises(TwinError, match="failed: plain, seed 1"):
+        run.check()
+
+
+def test_a_requirement_that_is_not_met_raises_where_it_is_checked(scenario, place, build):
+    stiff = scenario.set("part.gain", 100.0).run("plain", 1, out=place / "stiff", build=build, backend="interpreted")
+    with pytest.raises(TwinError) as caught:
+        stiff.check()
+    assert caught.value.problems[0].endswith("✗ 0 of 1 requirements met")
+    assert caught.value.problems[1].startswith("FAIL part.place")
+    met = scenario.run("plain", 1, out=place / "met", build=build, backend="interpreted")
+    assert met.check() is met
+
+
+def test_a_signal_of_variants_that_were_not_run(scenario, place, build):
+    """It was an empty array in `run[...]`, and NaN in `run.signals`."""
+    run = scenario.run("plain", 1, out=place / "alone", build=build, report=False, backend="interpreted")
+    assert "wave.position" not in [*run, *run.signals]
+    for read in (run.__getitem__, run.plot, run.to_dataframe, run.variable):
+        with pytest.raises(UnknownNameError, match=r"plain has no 'wave\.position'\. Run more\."):
+            read("wave.position")
 
 
 def test_an_export_is_refused_or_made(fmu, scenario, tmp_path, build):

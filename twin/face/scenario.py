@@ -20,7 +20,7 @@ from twin.face.conversions import (
     override_text,
     python_option_names,
 )
-from twin.face.finished_run import Run
+from twin.face.finished_run import Run, checked_run
 from twin.face.progress import progress_callback
 from twin.face.simulation import Simulation, sourceless
 from twin.former import former_argument
@@ -130,7 +130,10 @@ class Scenario:
         """Run variants with seeds, default all, and write the folder `out/<name>/<time>/`.
 
         `progress`: True for a bar, or a callback with a case's name and its completed fraction. `backend`: fmu, compiled or
-        interpreted. `checkpoint`: simulated time between two checkpoints, for `Run.resume` and `Run.branch`. A failure of a member and Ctrl-C end a run early: see its `status` and `reason`; recorded signals are kept. ScenarioError if no case could begin, as when a component cannot be compiled.
+        interpreted. `checkpoint`: simulated time between two checkpoints, for `Run.resume` and `Run.branch`.
+        SimulationError if a member fails; what was recorded is in `error.run`. ScenarioError if no case could begin, as when a
+        component cannot be compiled. Ctrl-C ends the run early: its `status` is `interrupted`. `check` of the run raises an exception if a
+        requirement is not met.
         """
         backend = former_argument("form", form, "backend", backend)
         with python_option_names(), progress_callback(progress, self.title) as report_progress:
@@ -144,9 +147,8 @@ class Scenario:
                 checkpoint_ns=nanoseconds(checkpoint, "checkpoint"),
             )
             outcome = run_scenario(self.checked, options, callbacks=RunCallbacks(progress=report_progress))
-        if outcome.run.status == "failed" and not outcome.tables:
-            raise ScenarioError(list(dict.fromkeys(outcome.run.reason.splitlines())))
-        return Run(outcome.folder, self, [] if backend == Backend.interpreted else sourceless(self._classes.values()))
+        notes = [] if backend == Backend.interpreted else sourceless(self._classes.values())
+        return checked_run(outcome.folder, self, notes)
 
     def simulate(
         self,
