@@ -2,6 +2,7 @@
 
 import pickle
 import re
+from time import sleep
 from types import SimpleNamespace
 
 import numpy as np
@@ -289,6 +290,24 @@ def test_progress_of_a_run():
         with progress.progress_callback(True, "t") as bar:
             assert bar.title == "t"
     assert closed == ["t"]
+
+
+def test_progress_appears_after_some_seconds_by_default(monkeypatch, capsys):
+    """Also while nothing is reported, as when a component is compiled; nothing of a short run, or of one in a script."""
+    monkeypatch.setattr(progress, "find_spec", lambda name: None)
+    monkeypatch.setattr(progress, "DELAY", 0.01)
+    for is_notebook, shown in ((True, "\rbuilding a  0 %"), (False, "")):
+        monkeypatch.setattr(progress, "in_notebook", lambda is_notebook=is_notebook: is_notebook)
+        with progress.progress_callback(None, "t") as callback:
+            callback("building a", 0.0)
+            sleep(0.2)
+        assert capsys.readouterr().out.rstrip(" \r").endswith(shown)
+    monkeypatch.setattr(progress, "DELAY", 10.0)
+    monkeypatch.setattr(progress, "in_notebook", lambda: True)
+    with progress.progress_callback(None, "t") as callback, progress.progress_callback(False, "u") as silent:
+        callback("PI", 0.5)
+        silent("PI", 0.5)
+    assert capsys.readouterr().out == ""
 
 
 def test_progress_without_ipywidgets_is_a_line_of_text(monkeypatch, capsys):

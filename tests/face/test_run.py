@@ -212,10 +212,10 @@ def test_a_live_simulation_is_the_run_at_the_rate_of_the_wall_clock(place, run, 
         simulation.rate = 0.5
         simulation.advance(until=simulation.stop_time)
         assert wall.now == pytest.approx(100.12 + 0.029 / 0.5)
-        with pytest.raises(TwinError, match="after the stop"):
+        with pytest.raises(TwinError, match=r"after the stop, 50 ms\. Create"):
             simulation.advance()
         for rate in (0, 100, "fast"):
-            with pytest.raises(TwinError, match="not a rate"):
+            with pytest.raises(TwinError, match=r"rate: .+ is not a rate"):
                 simulation.rate = rate
         assert "<td class=number>10 m</td>" in simulation._repr_html_()
     assert "closed" in simulation._repr_html_()
@@ -264,6 +264,36 @@ def test_a_scenario_is_pickled(scenario, place, build):
     for chosen, kind in (({"variant": ["plain", "strong"]}, "variant"), ({"seed": [1, 2]}, "seed")):
         with pytest.raises(TwinError, match=f"{kind}: a simulation has one, not 2"):
             twin.live(scenario, **chosen, build=build)
+
+
+def test_a_step_that_cannot_be_taken_names_its_duration(scenario, build):
+    """It named the time that would be reached, rounded: `1 s is no communication point`."""
+    with scenario.simulate("plain", backend="interpreted", build=build) as simulation:
+        simulation.advance("20 ms")
+        for given, text in (
+            ({"duration": "0.0000000001 s"}, "duration 1e-10 s is no multiple of the step, 1 ms"),
+            ({"until": "20.5 ms"}, "until 20.5 ms is no multiple of the step, 1 ms"),
+            ({"duration": "100 ms"}, "120 ms is after the stop, 50 ms. Advance by at most 30 ms more"),
+        ):
+            with pytest.raises(TwinError, match=re.escape(f"advance: {text}")):
+                simulation.advance(**given)
+    with pytest.raises(TwinError, match="rate: 50 is not a rate"):
+        twin.live("a scenario that is not read", rate=50)
+
+
+def test_a_value_outside_of_the_stated_range_is_noted_once(place, build, caplog):
+    """As of `twin run --set`; it was set without a word."""
+    file = place / "ranged.yaml"
+    file.write_text(SCENARIO + "console: {parameters: {part.gain: [1 m/N, 5 m/N]}}\n")
+    warning = "warning: part.gain=30 m/N is outside of the range that the scenario states, 1 m/N to 5 m/N."
+    with twin.live(file, "plain", rate=float("inf"), backend="interpreted", build=build) as simulation:
+        simulation["part.gain"] = 3.0
+        assert (simulation.notes, caplog.messages) == ([], [])
+        simulation["part.gain"] = simulation["part.gain"] = "30 m/N"
+        assert (simulation.notes, caplog.messages) == ([warning], [warning])
+    values = {"part.gain": "30 m/N"}
+    with twin.live(file, "plain", values=values, backend="interpreted", build=build) as simulation:
+        assert simulation.notes == [warning]
 
 
 def test_one_thread_advances_a_simulation(scenario, build):

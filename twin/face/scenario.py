@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,7 +25,17 @@ from twin.face.finished_run import Run, checked_run
 from twin.face.progress import progress_callback
 from twin.face.simulation import Simulation, sourceless
 from twin.former import former_argument
-from twin.run import RunCallbacks, RunOptions, refuse_faults, resolve_catalogs, run_scenario
+from twin.live import checked_rate
+from twin.run import (
+    WARNING,
+    RunCallbacks,
+    RunOptions,
+    refuse_faults,
+    remarks_on_values,
+    resolve_catalogs,
+    run_scenario,
+    value_remarks,
+)
 from twin.scenario import Backend, changed, lint
 
 if TYPE_CHECKING:
@@ -169,8 +180,14 @@ class Scenario:
         cases = self.checked.cases(as_list(variant), integers(seed, "seed"))
         case = cases[0]
         refuse_faults([case], None)
-        catalog = resolve_catalogs(self.checked)[case.variant]
-        return Simulation(case, catalog, Backend(choice(backend, Backend, "backend")), Path(build), True, False)
+        catalogs = resolve_catalogs(self.checked)
+        catalog = catalogs[case.variant]
+        remarks = partial(value_remarks, self.checked, case, catalog)
+        chosen = Backend(choice(backend, Backend, "backend"))
+        with progress_callback(None, f"preparing {self.title}"):
+            simulation = Simulation(case, catalog, chosen, Path(build), True, False, remarks)
+        simulation.notes += [line for line in remarks_on_values(self.checked, catalogs) if line.startswith(WARNING)]
+        return simulation
 
     def __reduce__(self) -> tuple[Any, ...]:
         # variants have generated classes; they are resolved again from the content of the file
@@ -262,6 +279,7 @@ def live(
     `rate`: simulated over wall-clock time, 0.1 to 10, or inf: as fast as possible. `values`: by name, as of `Scenario.set`,
     also of fixed parameters. All else as of `Scenario.simulate`; signals are those of `run` to the bit if nothing is set.
     """
+    checked_rate(rate, "rate")
     simulation = with_values(scenario, values).simulate(variant, seed, backend=backend, build=build)
     simulation.rate = rate
     return simulation

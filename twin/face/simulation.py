@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time as wall
 import weakref
@@ -16,10 +17,10 @@ from twin.coupling import MemoryRecorder, find
 from twin.errors import CouplingError, SimulationError, TwinError, UnknownNameError
 from twin.face import notebook
 from twin.face.arrays import frame
-from twin.face.conversions import convert, finite, nanoseconds
+from twin.face.conversions import convert, finite, nanoseconds, override_text
 from twin.files import split_unit
 from twin.live import Pace, checked_rate
-from twin.run import apply_event, build_simulation, recorded_signals
+from twin.run import WARNING, apply_event, build_simulation, recorded_signals
 from twin.scenario import Backend, EventSpec, event_problems, has_source
 
 if TYPE_CHECKING:
@@ -43,8 +44,17 @@ class Simulation:
     Use it in a `with` statement: at its end all members are freed, and `results` stay.
     """
 
-    def __init__(self, case: Case, catalog: Catalog, backend: Backend, build: Path, stops: bool, silent: bool) -> None:
-        self._case = case
+    def __init__(
+        self,
+        case: Case,
+        catalog: Catalog,
+        backend: Backend,
+        build: Path,
+        stops: bool,
+        silent: bool,
+        remarks: Callable[[str, str], list[str]] | None = None,
+    ) -> None:
+        self._case, self._remarks = case, remarks
         self._targets = {connection.target for connection in case.system(catalog).single()[0]}
         self.notes = (
             [] if backend is Backend.interpreted else sourceless(member.made for member in self._case.members.values())
@@ -84,7 +94,7 @@ class Simulation:
 
     @rate.setter
     def rate(self, rate: float) -> None:
-        self._pace = Pace(checked_rate(rate), clock.seconds(self._case.step_ns))
+        self._pace = Pace(checked_rate(rate, "rate"), clock.seconds(self._case.step_ns))
         self._is_scheduled = False
 
     @property
@@ -142,8 +152,13 @@ class Simulation:
         if end < now:
             raise TwinError(f"advance: {clock.text(end)} is before {clock.text(now)}. Time cannot go back.")
         if end > self._case.stop_ns:
+            rest = self._case.stop_ns - now
+            remedy = f"Advance by at most {clock.text(rest)} more." if rest else "Create a new simulation."
+            raise TwinError(f"advance: {clock.text(end)} is after the stop, {clock.text(self._case.stop_ns)}. {remedy}")
+        if (end - self._case.start_ns) % self._case.step_ns:
+            what, begin = ("until", self._case.start_ns) if duration is None else ("duration", now)
             raise TwinError(
-                f"advance: {clock.text(end)} is after the stop, {clock.text(self._case.stop_ns)}. Create a new simulation."
+                f"advance: {what} {clock.text(end - begin)} is no multiple of the step, {clock.text(self._case.step_ns)}. Give a multiple."
             )
 
         report = None if progress is None else lambda time: progress(clock.seconds(time))
@@ -227,7 +242,18 @@ class Simulation:
         if problems := event_problems(event, self._catalog, self._targets):
             raise CouplingError(problems)
         apply_event(event, self._case, self._simulated, self._catalog)
+        if self._remarks is not None and value is not None:
+            self._note_implausible(name, value, self._remarks)
         (self._set_keys.add if kind == "set" else self._set_keys.discard)(self._find(name).key)
+
+    def _note_implausible(self, name: str, value: Any, remarks: Callable[[str, str], list[str]]) -> None:
+        """Log and note, once, that a value is outside of the range that the scenario states, or far from its own."""
+        member, _, variable = name.partition(".")
+        previous = self._case.members[member].parameters.get(variable, "")
+        for line in remarks(f"{name}={override_text(value)}", str(previous)):
+            if line.startswith(WARNING) and line not in self.notes:
+                self.notes.append(line)
+                logging.getLogger("twin").warning("%s", line)
 
     def _find(self, name: str) -> Any:
         try:

@@ -28,8 +28,10 @@ from .operator_result import warning_result as warning_result
 from .options import RunCallbacks as RunCallbacks
 from .options import RunOptions as RunOptions
 from .options import StudyCase as StudyCase
+from .parameter_table import WARNING as WARNING
 from .parameter_table import parameter_rows as parameter_rows
 from .parameter_table import remarks_on_values as remarks_on_values
+from .parameter_table import value_remarks as value_remarks
 from .recorded_views import RecordedSignal as RecordedSignal
 from .recorded_views import RecordedSystem as RecordedSystem
 from .recorded_views import describe_system as describe_system
