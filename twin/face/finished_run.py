@@ -16,7 +16,7 @@ from twin import clock
 from twin.errors import ScenarioError, SimulationError, TwinError, UnknownNameError, quote_names
 from twin.face import arrays, notebook
 from twin.face.conversions import as_list, choice, mapping, nanoseconds, override_text, python_option_names
-from twin.face.interactive import interactive_figure, is_plotly_installed
+from twin.face.interactive import interactive_figure, is_plotly_installed, show_still_beside
 from twin.face.progress import in_notebook
 from twin.face.signal_names import (
     array_of,
@@ -395,6 +395,8 @@ class Run:
             )
         if not interactive:
             figure._repr_html_ = partial(notebook.figure, figure)
+        elif in_notebook():
+            show_still_beside(figure, partial(plotting.plot_figure, plots, chosen, marks, self.variants))
         return figure
 
     def _chosen_plots(self, what: Sequence[str], xy: Sequence[str] | None) -> list[Plot]:
