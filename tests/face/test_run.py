@@ -3,6 +3,7 @@
 Over 400 lines: all that `twin.run` takes and gives.
 """
 
+import ast
 import inspect
 import json
 import pickle
@@ -13,6 +14,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -22,7 +24,8 @@ import twin
 import twin.face
 from tests.face.parts import SCENARIO, Types
 from tests.viewer.recorded import folder_of
-from twin.errors import ScenarioError, SimulationError, TwinError, UnknownNameError
+from twin.component import Component, input, output
+from twin.errors import DeclarationError, ScenarioError, SimulationError, TwinError, UnknownNameError
 from twin.face import arrays, open_run
 from twin.results import RecordedVariable
 
@@ -40,7 +43,7 @@ def test_a_branch_from_a_checkpoint(scenario, place, build):
         whole.resume(build=build)
 
 
-@pytest.mark.parametrize("name", twin.PACKAGES)
+@pytest.mark.parametrize("name", twin._PACKAGES)
 def test_help_on_a_function_that_is_also_a_package(name):
     """`help(twin.run)`, editors and notebooks show the function's signature and docstring, and no content of the package."""
     package, function = getattr(twin, name), getattr(twin.face, name)
@@ -57,7 +60,7 @@ def test_help_on_the_package_lists_all_functions():
     """`run`, `live`, `study` and `follow` were listed as data."""
     text = pydoc.render_doc(twin, renderer=pydoc.plaintext)
     assert "\nDATA\n" not in text
-    assert all(f"\n    {name} = twin.{name}(" in text.partition("\nFUNCTIONS\n")[2] for name in twin.PACKAGES)
+    assert all(f"\n    {name} = twin.{name}(" in text.partition("\nFUNCTIONS\n")[2] for name in twin._PACKAGES)
 
 
 def test_a_file_that_is_wrong_lists_all_problems(tmp_path):
@@ -502,6 +505,67 @@ def test_a_run_in_which_no_case_can_begin_raises(scenario, place, build):
         ScenarioError, match=r"Misspelled .*test_run.py:\d+.: `self.gian` is not declared. Did you mean `gain`"
     ):
         scenario.set("part.component", Misspelled).run(out=place / "runs", build=build)
+
+
+class Foreign(Types):
+    """A component in a unit that does not exist."""
+
+    push = input("foo", "force")
+
+
+class Lacking(Component):
+    """A component without what the scenario connects and plots."""
+
+    row = output("m", "one place")
+
+    def step(self, t, h):
+        self.row = t
+
+
+def test_a_class_that_does_not_fit_is_named_with_what_it_lacks(scenario):
+    """There was a line for each use in the scenario file, none of which named the class."""
+    line = Lacking.step.__code__.co_firstlineno - 5
+    with pytest.raises(ScenarioError) as caught:
+        scenario.set("part.component", Lacking)
+    problems = [problem for problem in caught.value.problems if "as `part`" in problem]
+    name, text = "tests/face/test_run.py", "needs input push [N], output place [m], parameter gain [m/N]. Declare them."
+    assert problems == [f"{name}:{line}: Lacking: as `part` of pushed it {text}"]
+    assert not any("part has no variable" in problem for problem in caught.value.problems)
+    with pytest.raises(
+        ScenarioError, match=r"^tests/face/test_run\.py:\d+: Foreign: push: unit 'foo' is not known"
+    ) as caught:
+        scenario.set("part.component", Foreign)
+    assert len(caught.value.problems) == 1
+
+
+def test_a_misspelled_variable_or_a_value_of_another_kind_says_what_there_is():
+    part = Types()
+    with pytest.raises(AttributeError, match=r"'Types' object has no attribute 'plce'\. Did you mean 'place'\?"):
+        part.plce  # noqa: B018
+    assert not hasattr(part, "_repr_png_")
+    for value in ("1 N", [1.0, 2.0]):
+        for give in (lambda value=value: setattr(part, "push", value), lambda value=value: Types(push=value)):
+            with pytest.raises(DeclarationError, match=r"Types\.push: .* does not fit\. Give a number in N\."):
+                give()
+
+
+def test_a_method_of_a_run_is_found_by_its_name():
+    with pytest.raises(AttributeError, match=r"It belongs to a run: run\.compare"):
+        twin.compare  # noqa: B018
+
+
+def test_an_editor_completes_public_names():
+    """Static completion lists what the file imports: `importlib`, `ModuleType`, `PACKAGES`."""
+    tree = ast.parse(Path(twin.__file__).read_text(encoding="utf-8"))
+    imported = {
+        alias.asname or alias.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Import | ast.ImportFrom)
+        for alias in node.names
+    }
+    defined = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
+    defined |= {node.name for node in tree.body if isinstance(node, ast.FunctionDef | ast.ClassDef)}
+    assert {name for name in imported | defined if not name.startswith("_")} - {"name", "hint"} == set(twin.__all__)
 
 
 class Divides(Types):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin.component import Component
+from twin.component import Component, source
 from twin.errors import ScenarioError, TwinError, quote_names
 from twin.face import notebook
 from twin.face.conversions import (
@@ -36,7 +37,7 @@ from twin.run import (
     run_scenario,
     value_remarks,
 )
-from twin.scenario import Backend, changed, lint
+from twin.scenario import Backend, changed, lint, resolve_variables
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -44,6 +45,8 @@ if TYPE_CHECKING:
     from twin.face.progress import Progress
     from twin.follow import Following
     from twin.scenario import ScenarioSpec
+
+CAUSALITIES = "input output parameter"  # in the order of messages
 
 
 def load(path: str | Path) -> Scenario:
@@ -114,15 +117,19 @@ class Scenario:
         return self._with_values({name: value})
 
     def _with_values(self, values: Mapping[str, Any]) -> Scenario:
-        classes, overrides = dict(self._classes), []
+        classes, overrides, replaced = dict(self._classes), [], {}
         for name, value in values.items():
             text = reference(value, classes) if isinstance(value, type) else override_text(value)
             if isinstance(value, type):
                 classes[text] = value
+                replaced[name.removesuffix(".component").rpartition(".")[2]] = value
             overrides.append(f"{name}={text}")
         with python_option_names():
-            scenario = Scenario(changed(self.checked, overrides), classes)
-            resolve_catalogs(scenario.checked)
+            try:
+                scenario = Scenario(changed(self.checked, overrides), classes)
+                resolve_catalogs(scenario.checked)
+            except ScenarioError as error:
+                raise ScenarioError(with_missing_connectors(error.problems, self.checked, replaced)) from None
         return scenario
 
     def run(
@@ -219,10 +226,34 @@ def reference(cls: type, classes: Mapping[str, type[Component]]) -> str:
     """Return the name of a class in a scenario; earlier classes of the same name get other names."""
     if not issubclass(cls, Component):
         raise ScenarioError(f"{cls.__name__} is not a component. Derive it from twin.component.Component.")
+    if problems := list(source.declaration_problems(cls)):
+        raise ScenarioError([f"{source.location(cls)}: {line.removeprefix(f'{cls.__name__}.')}" for line in problems])
     text = f"{cls.__module__}:{cls.__qualname__}"
     while classes.get(text, cls) is not cls:
         text += "'"
     return text
+
+
+def with_missing_connectors(
+    problems: Sequence[str], scenario: ScenarioSpec, classes: Mapping[str, type[Component]]
+) -> list[str]:
+    """Replace the problems of variables that a member's new class lacks by one that names the class and the variables."""
+    for member, cls in classes.items():
+        lacks = re.compile(rf"(?<![\w.]){re.escape(member)} has no variable [`']([^`'\[]+)")
+        names = dict.fromkeys(match[1] for problem in problems for match in lacks.finditer(problem))
+        if not names:
+            continue
+        catalogs = resolve_variables(scenario)[0].values()
+        declared = {name: item for catalog in catalogs for name, item in catalog.get(member, {}).items()}
+        needs: dict[str, list[str]] = {}
+        for name in names:
+            kind, symbol = (declared[name].causality, declared[name].unit) if name in declared else ("variable", "")
+            needs.setdefault(kind, []).append(f"{name} [{symbol}]" if symbol else name)
+        kinds = sorted(needs, key=CAUSALITIES.find)
+        text = ", ".join(f"{kind}{'s' * (len(needs[kind]) > 1)} {', '.join(needs[kind])}" for kind in kinds)
+        line = f"{source.location(cls)}: as `{member}` of {scenario.name} it needs {text}. Declare them."
+        problems = [line, *(problem for problem in problems if not lacks.search(problem))]
+    return list(problems)
 
 
 def run(
