@@ -6,6 +6,7 @@ Over 400 lines: all that `twin.run` takes and gives.
 import ast
 import inspect
 import json
+import os
 import pickle
 import pydoc
 import re
@@ -547,6 +548,25 @@ def test_a_misspelled_variable_or_a_value_of_another_kind_says_what_there_is():
         for give in (lambda value=value: setattr(part, "push", value), lambda value=value: Types(push=value)):
             with pytest.raises(DeclarationError, match=r"Types\.push: .* does not fit\. Give a number in N\."):
                 give()
+
+
+@pytest.mark.slow
+def test_type_checkers_know_values_and_tables(tmp_path):
+    """`simulation[...]`, `run[...]` and the fields of a component were Any."""
+    file = tmp_path / "typed.py"
+    fields = {"force": 'input("N", "a")', "row": 'output("m", "b", shape=(3,))', "gain": 'parameter(1.0, "1", "c")'}
+    file.write_text(
+        "import twin\nfrom twin.component import Component, input, output, parameter\n\nclass C(Component):\n"
+        + "".join(f"    {name} = {text}\n" for name, text in fields.items())
+        + '    def step(self, t: float, h: float) -> None:\n        self.force = "1 N"\n        self.row[0] = self.gain\n'
+        + 'reveal_type(C().gain)\nreveal_type(twin.live("x")["y"])\nreveal_type(twin.run("x")["y"])\n'
+    )
+    environment = {**os.environ, "MYPYPATH": str(Path(twin.__file__).parents[1])}
+    command = [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", "typed.py"]
+    done = subprocess.run(command, check=False, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    lines = [line.partition("typed.py:")[2] for line in done.stdout.splitlines() if line.startswith("typed.py:")]
+    assert lines[0].startswith("9: error: Incompatible types in assignment")
+    assert ['"float"' in lines[1], '"float | numpy.ndarray' in lines[2], "DataArray" in lines[3]] == [True] * 3
 
 
 def test_a_method_of_a_run_is_found_by_its_name():

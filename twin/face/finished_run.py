@@ -10,7 +10,7 @@ import json
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 from twin import clock
 from twin.errors import ScenarioError, SimulationError, TwinError, UnknownNameError, quote_names
@@ -234,6 +234,10 @@ class Run:
             raise UnknownNameError(f"{self.folder}: {these} no {name!r}. Run {' or '.join(quote_names(others))}.")
         return find_variable(name, self._recorded, self.folder)
 
+    @overload
+    def __getitem__(self, name: str) -> xr.DataArray: ...
+    @overload
+    def __getitem__(self, name: list[str]) -> xr.Dataset: ...
     def __getitem__(self, name: str | list[str]) -> Any:
         """Return a variable over time x variant x seed (x element_of_N), in its own unit `.attrs["units"]`, as a DataArray.
 

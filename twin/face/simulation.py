@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     import pandas as pd
+    from numpy.typing import NDArray
 
     from twin.component import Component
     from twin.coupling import Catalog, MemberVariable
@@ -194,12 +195,16 @@ class Simulation:
         while self._events and self._events[0].time_ns <= self._simulated.time and not self.finished:
             apply_event(self._events.pop(0), self._case, self._simulated, self._catalog)
 
-    def __getitem__(self, name: str) -> Any:
-        """Return the current value of a variable or element `member.x[1]`: number, Boolean, text or array.
+    def __getitem__(self, name: str) -> float | NDArray[Any]:
+        """Return the current value of a variable or element `member.x[1]`: number, Boolean or array; text of an FMU's String.
 
         It is in the variable's own unit, or in that of a name like `wall.force [mN]`.
         A parameter or input that was set has its new value at once; the member uses it from its next step.
         """
+        current: float | NDArray[Any] = self._value(name)
+        return current
+
+    def _value(self, name: str) -> Any:
         self._check_open()
         base, symbol = split_unit(name)
         if symbol:
@@ -214,8 +219,9 @@ class Simulation:
         if variable.type == "Boolean":
             value = value.astype(np.bool_)  # a C int in FMI 2.0, a byte in an array
         if reference.element is not None:
-            return value.reshape(-1)[reference.element].item()
-        return value if variable.shape else value.item()
+            value = value.reshape(-1)[reference.element]
+        is_array = variable.shape and reference.element is None
+        return value if is_array else value.item()
 
     def variable(self, name: str) -> MemberVariable:
         """Return the declaration of a variable: unit, description, causality, bounds; UnknownNameError if there is none."""
@@ -289,7 +295,7 @@ class Simulation:
         rows = [
             (
                 escape(f"{member}.{name}"),
-                notebook.value(self[f"{member}.{name}"], variable.unit, variable.display_unit),
+                notebook.value(self._value(f"{member}.{name}"), variable.unit, variable.display_unit),
                 escape(variable.description),
             )
             for member, variables in self._catalog.items()
