@@ -45,25 +45,26 @@ class Bar:
 
 
 class TextLine:
-    """A line of text on stdout that each progress overwrites, for notebooks that cannot show the bar; empty at the end."""
+    """A line of text in a notebook that cannot show the bar: one output, which is updated; empty at the end."""
 
     def __init__(self, title: str) -> None:
-        self._width = 0
-        self(title, 0.0)
+        from IPython.display import display
+
+        self._text = f"{title}  0 %"
+        self._handle: Any = display({"text/plain": self._text}, raw=True, display_id=True)
 
     def __call__(self, case: str, part: float) -> None:
         """Show the progress of a case."""
         self._write(f"{case}  {100 * part:.0f} %")
 
     def _write(self, text: str) -> None:
-        sys.stdout.write(f"\r{text.ljust(self._width)}")
-        sys.stdout.flush()
-        self._width = len(text)
+        if text != self._text:
+            self._text = text
+            self._handle.update({"text/plain": text}, raw=True)
 
     def close(self) -> None:
         """Clear the line."""
         self._write("")
-        sys.stdout.write("\r")
 
 
 def in_notebook() -> bool:

@@ -147,11 +147,12 @@ class Scenario:
     ) -> Run:
         """Run variants with seeds, default all, and write the folder `out/<name>/<time>/`.
 
-        `progress`: True for a bar, or a callback with a case's name and its completed fraction. `backend`: fmu, compiled or
-        interpreted. `checkpoint`: simulated time between two checkpoints, for `Run.resume` and `Run.branch`.
-        SimulationError if a member fails; what was recorded is in `error.run`. ScenarioError if no case could begin, as when a
-        component cannot be compiled. Ctrl-C ends the run early: its `status` is `interrupted`. `check` of the run raises an exception if a
-        requirement is not met.
+        `progress`: by default shown after 3 s in a terminal or notebook; True: at once, False: never, or a callback with a case's
+        name and its completed fraction. `backend`: fmu, compiled or interpreted, which is slow. `checkpoint`: simulated time between
+        two checkpoints, for `Run.resume` and `Run.branch`.
+
+        SimulationError if a member fails, ScenarioError if no case could begin; `error.run` has what was recorded. Ctrl-C ends the
+        run early: its `status` is `interrupted`. For requirements that are not met, see `Run.check`.
         """
         backend = former_argument("form", form, "backend", backend)
         with python_option_names(), progress_callback(progress, self.title) as report_progress:
@@ -274,8 +275,8 @@ def run(
         run = twin.run("heart_wall_force", "PI", values={"heart.rate": "1.4 Hz"})
         run.metrics; run["sensor.measured_force"]
 
-    `values`: by name, as of `Scenario.set`. `variants`, `seeds`: all of the scenario by default. `progress`: True for a bar,
-    or a callback. `report`: whether report.html is written. `out`: folder of the run folders, `build`: of compiled FMUs.
+    `values`: by name, as of `Scenario.set`. `variants`, `seeds`: all of the scenario by default. `progress`: as of
+    `Scenario.run`. `report`: whether report.html is written. `out`: folder of the run folders, `build`: of compiled FMUs.
     `backend`: fmu, compiled or interpreted. `checkpoint`: simulated time [s] between checkpoints; 0: none.
     """
     return with_values(scenario, values).run(
