@@ -48,10 +48,11 @@ class TextLine:
     """A line of text in a notebook that cannot show the bar: one output, which is updated; empty at the end."""
 
     def __init__(self, title: str) -> None:
-        from IPython.display import display
+        from IPython import display
 
+        show: Any = display.display  # has no types
         self._text = f"{title}  0 %"
-        self._handle: Any = display({"text/plain": self._text}, raw=True, display_id=True)
+        self._handle = show({"text/plain": self._text}, raw=True, display_id=True)
 
     def __call__(self, case: str, part: float) -> None:
         """Show the progress of a case."""
