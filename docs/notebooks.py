@@ -132,7 +132,9 @@ def output(one: Any, place: Path, number: int) -> str:
 
 
 def printed(text: str) -> str:
-    """Text as it was printed; lines of their own even where they are empty."""
+    """Text as it was printed; lines of their own even where they are empty; nothing if all are, as after a line of progress."""
     shown = CODES.sub("", REMOVED.sub("", text.replace("\r\n", "\n"))).rstrip().split("\n")
     lines = [html.escape(line.rpartition("\r")[2]) or "&nbsp;" for line in shown]
+    if not any(line.rpartition("\r")[2].strip() for line in shown):
+        return ""
     return "\n".join(['<div class="output" markdown="0">', f"<pre>{chr(10).join(lines)}</pre>", "</div>"])

@@ -134,7 +134,12 @@ def described(error: BaseException) -> str:
 
 
 class TwinError(Exception):
-    """Base class of errors that are reported to the user. `problems`: messages of one line each."""
+    """Base class of errors that are reported to the user. `problems`: messages of one line each.
+
+    `run`: of a failed `twin.run`, the Run with what was recorded.
+    """
+
+    run: Any = None
 
     def __init__(self, problems: str | list[str] = "") -> None:
         self.problems = problems.splitlines() if isinstance(problems, str) else problems

@@ -65,3 +65,11 @@ def split_unit(name: str) -> tuple[str, str]:
     """Split the header of a column, `tip [mm]`, into name and unit; without a unit it is ""."""
     matched = WITH_UNIT.fullmatch(name)
     return (matched[1], matched[2].strip()) if matched else (name, "")
+
+
+def shown_path(path: str) -> str:
+    """Return the path of a file as it opens from the working folder: relative below it, else absolute; `cell` of a notebook's."""
+    if "ipykernel_" in path:
+        return "cell"
+    absolute = Path(path)
+    return str(absolute.relative_to(Path.cwd())) if absolute.is_relative_to(Path.cwd()) else path

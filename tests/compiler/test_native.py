@@ -170,7 +170,7 @@ def test_the_linter_names_component_line_and_remedy():
         (8, "assigns the whole array `self.z`"),
     ]
     for line, text in expected:
-        assert any(f"Bad (compiler/test_native.py:{first + line}): " in p and text in p for p in problems), text
+        assert any(f"Bad (tests/compiler/test_native.py:{first + line}): " in p and text in p for p in problems), text
     assert len(problems) == len(expected)
 
 

@@ -128,7 +128,7 @@ def test_each_mistake_is_told_with_its_line(tmp_path, monkeypatch) -> None:
     monkeypatch.syspath_prepend(str(tmp_path))
     problems = source.check(catalog.component("wrong_part:Wrong"))
     first = WRONG.count("\n") + 1
-    where = f"Wrong ({tmp_path.name}/wrong_part.py:%d): "
+    where = f"Wrong ({tmp_path}/wrong_part.py:%d): "
     expected = [f"{where % (first + i)}{message}" for i, (_, message) in enumerate(MISTAKES) if message]
     helper = f"{where % 6}a list allocates. Declare an array with shape=..., or use a tuple of the module."
     assert sorted(problems) == sorted([*expected, helper])

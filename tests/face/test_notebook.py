@@ -2,6 +2,7 @@
 
 import pickle
 import re
+from time import sleep
 from types import SimpleNamespace
 
 import numpy as np
@@ -174,6 +175,12 @@ def test_links_of_a_run_work_from_a_notebook(tmp_path, monkeypatch):
         ({}, (0, 0), "pass", "✓ completed"),
         ({"passed": False}, (2, 3), "fail", "✗ 1 of 3 requirements failed"),
         ({"expectations": [{"verdict": "skipped"}]}, (2, 2), "pass", "✓ 2 of 2 requirements met, 1 not judged"),
+        (
+            {"expectations": [{"verdict": "skipped", "name": "order", "detail": "Not judged: needs PI."}] * 3},
+            (2, 2),
+            "other",
+            "2 of 2 requirements met, 3 not judged</b><p>order: Not judged: needs PI.",
+        ),
         ({"status": "failed", "reason": "<x>"}, (2, 3), "fail", "failed: &lt;x&gt;"),
     ],
 )
@@ -183,7 +190,8 @@ def test_the_state_of_a_run(monkeypatch, summary, counts, kind, text):
         cases = [{"variant": "v", "seed": seed} for seed in range(number)]
         shown = " · ".join(str(seed) for seed in range(notebook.CASES))
         given = {"status": "completed", "passed": True, "reason": "", "cases": cases, "expectations": [], **summary}
-        assert notebook.state(given) == f'<b class="{kind}">{text}</b><p>variant v; seeds {shown}{more}</p>'
+        end = "</p>" if "</b>" in text else "</b>"
+        assert notebook.state(given) == f'<b class="{kind}">{text}{end}<p>variant v; seeds {shown}{more}</p>'
 
 
 def test_a_plot_has_the_colors_of_its_surroundings():
@@ -284,13 +292,46 @@ def test_progress_of_a_run():
     assert closed == ["t"]
 
 
-def test_progress_without_ipywidgets_is_a_line_of_text(monkeypatch, capsys):
+@pytest.fixture
+def shown(monkeypatch):
+    """What a notebook shows in its one output, one after the other."""
+    texts = []
+
+    def update(data, *, raw, display_id=None):
+        texts.append(data["text/plain"])
+        return SimpleNamespace(update=update)
+
+    monkeypatch.setattr("IPython.display.display", update)
+    return texts
+
+
+def test_progress_appears_after_some_seconds_by_default(monkeypatch, shown):
+    """Also while nothing is reported, as when a component is compiled; nothing of a short run, or of one in a script."""
+    monkeypatch.setattr(progress, "find_spec", lambda name: None)
+    monkeypatch.setattr(progress, "DELAY", 0.01)
+    for is_notebook, expected in ((True, ["building a  0 %", ""]), (False, [])):
+        monkeypatch.setattr(progress, "in_notebook", lambda is_notebook=is_notebook: is_notebook)
+        with progress.progress_callback(None, "t") as callback:
+            callback("building a", 0.0)
+            sleep(0.2)
+        assert shown == expected
+        shown.clear()
+    monkeypatch.setattr(progress, "DELAY", 10.0)
+    monkeypatch.setattr(progress, "in_notebook", lambda: True)
+    with progress.progress_callback(None, "t") as callback, progress.progress_callback(False, "u") as silent:
+        callback("PI", 0.5)
+        silent("PI", 0.5)
+    assert shown == []
+
+
+def test_progress_without_ipywidgets_is_a_line_of_text(monkeypatch, shown):
     """rich warned at each update, and showed no bar."""
     monkeypatch.setattr(progress, "in_notebook", lambda: True)
     monkeypatch.setattr(progress, "find_spec", lambda name: None)
     with progress.progress_callback(True, "t") as line:
         line("base", 0.5)
-    assert capsys.readouterr() == ("\rt  0 %\rbase  50 %\r          \r", "")
+        line("base", 0.501)
+    assert shown == ["t  0 %", "base  50 %", ""]
 
 
 def test_cases_as_one_array():

@@ -83,6 +83,18 @@ def test_a_figure_says_its_cases_and_shows_seeds_as_the_viewer(tmp_path, is_inte
     assert [color for color, _ in lines] == [blue, orange]
 
 
+def test_an_interactive_plot_has_a_picture_for_exported_pages(run, monkeypatch):
+    """nbconvert shows no data of plotly: its cells were blank."""
+    monkeypatch.setattr("twin.face.finished_run.in_notebook", lambda: True)
+    figure = SimpleNamespace(_repr_mimebundle_=lambda: {"application/vnd.plotly.v1+json": {}})
+    monkeypatch.setattr("twin.face.finished_run.interactive_figure", lambda *_: figure)
+    bundle = run.plot("sensor.force", interactive=True)._repr_mimebundle_(include=None, exclude=None)
+    assert bundle["text/html"].startswith('<div class="twin">')
+    assert "<svg" in bundle["text/html"]
+    assert figure._ipython_display_ is None
+    assert set(bundle) == {"text/html", "application/vnd.plotly.v1+json"}
+
+
 @pytest.fixture(scope="module", params=[1, 2, 5])
 def several(request, tmp_path_factory):
     """A run of some variants, with three seeds and signals of three units; the last variant is longer."""

@@ -3,8 +3,10 @@
 Over 400 lines: all that `twin.run` takes and gives.
 """
 
+import ast
 import inspect
 import json
+import os
 import pickle
 import pydoc
 import re
@@ -13,6 +15,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -22,7 +25,8 @@ import twin
 import twin.face
 from tests.face.parts import SCENARIO, Types
 from tests.viewer.recorded import folder_of
-from twin.errors import ScenarioError, TwinError, UnknownNameError
+from twin.component import Component, input, output
+from twin.errors import DeclarationError, ScenarioError, SimulationError, TwinError, UnknownNameError
 from twin.face import arrays, open_run
 from twin.results import RecordedVariable
 
@@ -40,7 +44,7 @@ def test_a_branch_from_a_checkpoint(scenario, place, build):
         whole.resume(build=build)
 
 
-@pytest.mark.parametrize("name", twin.PACKAGES)
+@pytest.mark.parametrize("name", twin._PACKAGES)
 def test_help_on_a_function_that_is_also_a_package(name):
     """`help(twin.run)`, editors and notebooks show the function's signature and docstring, and no content of the package."""
     package, function = getattr(twin, name), getattr(twin.face, name)
@@ -57,7 +61,7 @@ def test_help_on_the_package_lists_all_functions():
     """`run`, `live`, `study` and `follow` were listed as data."""
     text = pydoc.render_doc(twin, renderer=pydoc.plaintext)
     assert "\nDATA\n" not in text
-    assert all(f"\n    {name} = twin.{name}(" in text.partition("\nFUNCTIONS\n")[2] for name in twin.PACKAGES)
+    assert all(f"\n    {name} = twin.{name}(" in text.partition("\nFUNCTIONS\n")[2] for name in twin._PACKAGES)
 
 
 def test_a_file_that_is_wrong_lists_all_problems(tmp_path):
@@ -89,6 +93,16 @@ def test_set_gives_another_scenario(scenario, place, build):
         with pytest.raises(ScenarioError) as caught:
             scenario.set(name, value)
         assert not any("--" in problem for problem in caught.value.problems)
+
+
+def test_a_variant_that_no_value_changes_is_compared_with_the_paper(scenario, place, build):
+    """All were `other settings`; what a value of one variant leaves alone keeps its verdict."""
+    options = {"out": place / "partly", "build": build, "report": False, "backend": "interpreted"}
+    for name, verdict in (("variants.strong.part.gain", "pass"), ("variants.plain.part.gain", "other settings")):
+        metrics = scenario.set(name, 2.5).run(["plain", "strong"], 1, **options).metrics
+        assert metrics.set_index("variant").verdict.to_dict() == {"plain": verdict, "strong": "info"}
+    both = scenario.set("variants.strong.part.gain", 2.5).set("part.mass", "2 kg").run("plain", 1, **options)
+    assert both.metrics.verdict.tolist() == ["other settings"]
 
 
 @pytest.mark.slow
@@ -202,10 +216,10 @@ def test_a_live_simulation_is_the_run_at_the_rate_of_the_wall_clock(place, run, 
         simulation.rate = 0.5
         simulation.advance(until=simulation.stop_time)
         assert wall.now == pytest.approx(100.12 + 0.029 / 0.5)
-        with pytest.raises(TwinError, match="after the stop"):
+        with pytest.raises(TwinError, match=r"after the stop, 50 ms\. Create"):
             simulation.advance()
         for rate in (0, 100, "fast"):
-            with pytest.raises(TwinError, match="not a rate"):
+            with pytest.raises(TwinError, match=r"rate: .+ is not a rate"):
                 simulation.rate = rate
         assert "<td class=number>10 m</td>" in simulation._repr_html_()
     assert "closed" in simulation._repr_html_()
@@ -254,6 +268,36 @@ def test_a_scenario_is_pickled(scenario, place, build):
     for chosen, kind in (({"variant": ["plain", "strong"]}, "variant"), ({"seed": [1, 2]}, "seed")):
         with pytest.raises(TwinError, match=f"{kind}: a simulation has one, not 2"):
             twin.live(scenario, **chosen, build=build)
+
+
+def test_a_step_that_cannot_be_taken_names_its_duration(scenario, build):
+    """It named the time that would be reached, rounded: `1 s is no communication point`."""
+    with scenario.simulate("plain", backend="interpreted", build=build) as simulation:
+        simulation.advance("20 ms")
+        for given, text in (
+            ({"duration": "0.0000000001 s"}, "duration 1e-10 s is no multiple of the step, 1 ms"),
+            ({"until": "20.5 ms"}, "until 20.5 ms is no multiple of the step, 1 ms"),
+            ({"duration": "100 ms"}, "120 ms is after the stop, 50 ms. Advance by at most 30 ms more"),
+        ):
+            with pytest.raises(TwinError, match=re.escape(f"advance: {text}")):
+                simulation.advance(**given)
+    with pytest.raises(TwinError, match="rate: 50 is not a rate"):
+        twin.live("a scenario that is not read", rate=50)
+
+
+def test_a_value_outside_of_the_stated_range_is_noted_once(place, build, caplog):
+    """As of `twin run --set`; it was set without a word."""
+    file = place / "ranged.yaml"
+    file.write_text(SCENARIO + "console: {parameters: {part.gain: [1 m/N, 5 m/N]}}\n")
+    warning = "warning: part.gain=30 m/N is outside of the range that the scenario states, 1 m/N to 5 m/N."
+    with twin.live(file, "plain", rate=float("inf"), backend="interpreted", build=build) as simulation:
+        simulation["part.gain"] = 3.0
+        assert (simulation.notes, caplog.messages) == ([], [])
+        simulation["part.gain"] = simulation["part.gain"] = "30 m/N"
+        assert (simulation.notes, caplog.messages) == ([warning], [warning])
+    values = {"part.gain": "30 m/N"}
+    with twin.live(file, "plain", values=values, backend="interpreted", build=build) as simulation:
+        assert simulation.notes == [warning]
 
 
 def test_one_thread_advances_a_simulation(scenario, build):
@@ -464,6 +508,86 @@ def test_a_run_in_which_no_case_can_begin_raises(scenario, place, build):
         scenario.set("part.component", Misspelled).run(out=place / "runs", build=build)
 
 
+class Foreign(Types):
+    """A component in a unit that does not exist."""
+
+    push = input("foo", "force")
+
+
+class Lacking(Component):
+    """A component without what the scenario connects and plots."""
+
+    row = output("m", "one place")
+
+    def step(self, t, h):
+        self.row = t
+
+
+def test_a_class_that_does_not_fit_is_named_with_what_it_lacks(scenario):
+    """There was a line for each use in the scenario file, none of which named the class."""
+    line = Lacking.step.__code__.co_firstlineno - 5
+    with pytest.raises(ScenarioError) as caught:
+        scenario.set("part.component", Lacking)
+    problems = [problem for problem in caught.value.problems if "as `part`" in problem]
+    name, text = "tests/face/test_run.py", "needs input push [N], output place [m], parameter gain [m/N]. Declare them."
+    assert problems == [f"{name}:{line}: Lacking: as `part` of pushed it {text}"]
+    assert not any("part has no variable" in problem for problem in caught.value.problems)
+    with pytest.raises(
+        ScenarioError, match=r"^tests/face/test_run\.py:\d+: Foreign: push: unit 'foo' is not known"
+    ) as caught:
+        scenario.set("part.component", Foreign)
+    assert len(caught.value.problems) == 1
+
+
+def test_a_misspelled_variable_or_a_value_of_another_kind_says_what_there_is():
+    part = Types()
+    with pytest.raises(AttributeError, match=r"'Types' object has no attribute 'plce'\. Did you mean 'place'\?"):
+        part.plce  # noqa: B018
+    assert not hasattr(part, "_repr_png_")
+    for value in ("1 N", [1.0, 2.0]):
+        for give in (lambda value=value: setattr(part, "push", value), lambda value=value: Types(push=value)):
+            with pytest.raises(DeclarationError, match=r"Types\.push: .* does not fit\. Give a number in N\."):
+                give()
+
+
+@pytest.mark.slow
+def test_type_checkers_know_values_and_tables(tmp_path):
+    """`simulation[...]`, `run[...]` and the fields of a component were Any."""
+    file = tmp_path / "typed.py"
+    fields = {"force": 'input("N", "a")', "row": 'output("m", "b", shape=(3,))', "gain": 'parameter(1.0, "1", "c")'}
+    file.write_text(
+        "import twin\nfrom twin.component import Component, input, output, parameter\n\nclass C(Component):\n"
+        + "".join(f"    {name} = {text}\n" for name, text in fields.items())
+        + '    def step(self, t: float, h: float) -> None:\n        self.force = "1 N"\n        self.row[0] = self.gain\n'
+        + 'reveal_type(C().gain)\nreveal_type(twin.live("x")["y"])\nreveal_type(twin.run("x")["y"])\n'
+    )
+    environment = {**os.environ, "MYPYPATH": str(Path(twin.__file__).parents[1])}
+    command = [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", "typed.py"]
+    done = subprocess.run(command, check=False, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    lines = [line.partition("typed.py:")[2] for line in done.stdout.splitlines() if line.startswith("typed.py:")]
+    assert lines[0].startswith("9: error: Incompatible types in assignment")
+    assert ['"float"' in lines[1], '"float | numpy.ndarray' in lines[2], "DataArray" in lines[3]] == [True] * 3
+
+
+def test_a_method_of_a_run_is_found_by_its_name():
+    with pytest.raises(AttributeError, match=r"It belongs to a run: run\.compare"):
+        twin.compare  # noqa: B018
+
+
+def test_an_editor_completes_public_names():
+    """Static completion lists what the file imports: `importlib`, `ModuleType`, `PACKAGES`."""
+    tree = ast.parse(Path(twin.__file__).read_text(encoding="utf-8"))
+    imported = {
+        alias.asname or alias.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Import | ast.ImportFrom)
+        for alias in node.names
+    }
+    defined = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
+    defined |= {node.name for node in tree.body if isinstance(node, ast.FunctionDef | ast.ClassDef)}
+    assert {name for name in imported | defined if not name.startswith("_")} - {"name", "hint"} == set(twin.__all__)
+
+
 class Divides(Types):
     """A component that divides by zero."""
 
@@ -474,10 +598,34 @@ class Divides(Types):
 @pytest.mark.parametrize("backend", ["interpreted", "compiled", pytest.param("fmu", marks=pytest.mark.slow)])
 def test_a_division_by_zero_is_reported_with_file_and_line(scenario, place, build, backend):
     failing = scenario.set("part.component", Divides).set("seeds", [1])
-    run = failing.run("plain", out=place / "divided", build=build, backend=backend, report=False)
+    with pytest.raises(SimulationError) as caught:
+        failing.run("plain", out=place / "divided", build=build, backend=backend, report=False)
     line = Divides.step.__code__.co_firstlineno + 1
-    assert run.status == "failed"
+    run = caught.value.run
+    assert (run.status, run.passed, "part.push" in run) == ("failed", False, True)
     assert f"{__file__}:{line}: " in run.reason
+    assert [run.reason, f"What was recorded is in {run.folder}, and here as error.run."] == caught.value.problems
+    with pytest.raises(TwinError, match="failed: plain, seed 1"):
+        run.check()
+
+
+def test_a_requirement_that_is_not_met_raises_where_it_is_checked(scenario, place, build):
+    stiff = scenario.set("part.gain", 100.0).run("plain", 1, out=place / "stiff", build=build, backend="interpreted")
+    with pytest.raises(TwinError) as caught:
+        stiff.check()
+    assert caught.value.problems[0].endswith("✗ 0 of 1 requirements met")
+    assert caught.value.problems[1].startswith("FAIL part.place")
+    met = scenario.run("plain", 1, out=place / "met", build=build, backend="interpreted")
+    assert met.check() is met
+
+
+def test_a_signal_of_variants_that_were_not_run(scenario, place, build):
+    """It was an empty array in `run[...]`, and NaN in `run.signals`."""
+    run = scenario.run("plain", 1, out=place / "alone", build=build, report=False, backend="interpreted")
+    assert "wave.position" not in [*run, *run.signals]
+    for read in (run.__getitem__, run.plot, run.to_dataframe, run.variable):
+        with pytest.raises(UnknownNameError, match=r"plain has no 'wave\.position'\. Run more\."):
+            read("wave.position")
 
 
 def test_an_export_is_refused_or_made(fmu, scenario, tmp_path, build):

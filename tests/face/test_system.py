@@ -138,7 +138,7 @@ def test_what_cannot_be_set_says_so(system, build):
                 simulation[name]
         with pytest.raises(KeyError):
             simulation["part.psh"]
-        with pytest.raises(twin.TwinError, match="no communication point"):
+        with pytest.raises(twin.TwinError, match="no multiple of the step, 1 ms"):
             simulation.advance("0.5 ms")
         with pytest.raises(twin.TwinError, match="cannot go back"):
             simulation.advance("-1 ms")

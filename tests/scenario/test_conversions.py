@@ -232,7 +232,8 @@ def test_windows_after_a_short_run_are_one_problem() -> None:
     assert late.count("from: 1") == 2
     (line,) = problems(late)
     assert line.endswith(
-        "and 1 more: from 12 s or 14 s lie outside the run, 0 s to 10 s. Change it or set stop_time to at least 22 s."
+        "and 1 more: from 12 s or 14 s lie outside the run, 0 s to 10 s. Change it or set stop_time to at least 22 s. "
+        "For a short trial: a file that extends this one with metrics, expect and plots as `null`."
     )
 
 

@@ -14,13 +14,13 @@ import sys
 import tokenize
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
 
 from twin.compiler.syntax_tree import walk
 from twin.component import source_import
 from twin.errors import BuildError
+from twin.files import shown_path
 
 SILENT = ("noqa", "type:", "fmt:", "pragma:", "!")  # comments for tools
 BLOCKS = ("body", "handlers", "orelse", "finalbody", "cases")  # fields of a node that hold statements
@@ -90,13 +90,6 @@ def _parse(path: str, text: str) -> ParsedFile:
     is_made = path.startswith("<")
     short = path.rpartition(" ")[0] + ">" if is_made else "/".join(path.replace("\\", "/").split("/")[-2:])
     return ParsedFile(short, path, text, functions, assignments, imports, is_made)
-
-
-def shown_path(path: str) -> str:
-    """Return the path of a file as it opens from the working folder: relative below it, else absolute."""
-    with contextlib.suppress(ValueError):
-        return str(Path(path).relative_to(Path.cwd()))
-    return path
 
 
 def file_of(path: str) -> ParsedFile:

@@ -27,14 +27,14 @@ from __future__ import annotations
 import dis
 import inspect
 from collections.abc import Iterable
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from twin import clock
 from twin.component import solver, unit
 from twin.component.variable import Float64, MemoryLayout, Role, Terminal, Variable, derivative, layout
-from twin.errors import DeclarationError, nearest
+from twin.errors import DeclarationError, nearest, suggestion
 
 RESERVED = {"start", "advance", "views", "record", "layout", "variables", "method", "period", "period_ns", "icon"}
 RESERVED |= {"initialize", "step", "derivatives", "close", "start_values", "switches", "terminals"}
@@ -82,6 +82,14 @@ def unknown(part: Component, name: str) -> DeclarationError:
     """Return the error for a name that is no variable of a component."""
     names = [variable.name for variable in part.variables if variable.role is not Role.derivative]
     return DeclarationError(f"{type(part).__name__}: no variable {name!r}. {nearest(name, names)}")
+
+
+def unfit(part: Component, name: str, value: Any) -> DeclarationError:
+    """Return the error for a value that does not fit a variable of a component."""
+    variable = next(each for each in part.variables if each.name == name)
+    expected = f"an array of shape {variable.shape}" if variable.shape else "a number"
+    symbol = f" in {variable.unit}" if variable.unit not in ("", "1") else ""
+    return DeclarationError(f"{type(part).__name__}.{name}: {value!r} does not fit. Give {expected}{symbol}.")
 
 
 class Component:
@@ -143,7 +151,18 @@ class Component:
         for name, value in values.items():
             if name not in self.views:
                 raise unknown(self, name)
-            self.views[name][...] = value
+            try:
+                self.views[name][...] = value
+            except (TypeError, ValueError):
+                raise unfit(self, name, value) from None
+
+    if not TYPE_CHECKING:  # else any name would be one
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise AttributeError with the similar variables."""
+            text = f"{type(self).__name__!r} object has no attribute {name!r}"
+            hint = "" if name.startswith("_") else suggestion(name, type(self)._names)
+            raise AttributeError(f"{text}. {hint}" if hint else text)
 
     def __repr__(self) -> str:
         """Class and values of inputs, outputs and parameters: `<Spring: force = 0.2 N, stiffness = 50 N/m>`."""
@@ -171,7 +190,10 @@ class Component:
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in self._names:
-            self.views[name][...] = value
+            try:
+                self.views[name][...] = value
+            except (TypeError, ValueError):
+                raise unfit(self, name, value) from None
         elif name in OWN or name.startswith("_") or hasattr(type(self), name):
             object.__setattr__(self, name, value)
         else:

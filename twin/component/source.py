@@ -16,6 +16,7 @@ from weakref import WeakKeyDictionary
 from twin.component import unit
 from twin.component.variable import Role
 from twin.errors import CouplingError, nearest
+from twin.files import shown_path
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -71,7 +72,7 @@ def check(cls: type[Component]) -> list[str]:
 
 
 def _check(cls: type[Component]) -> list[str]:
-    problems: list[str] = list(_declaration_problems(cls))
+    problems: list[str] = list(declaration_problems(cls))
     visited: set[str] = set()
     for name in FUNCTIONS:
         function = getattr(cls, name, None)
@@ -98,7 +99,15 @@ def never_set(cls: type[Component]) -> Iterator[str]:
                     yield f"{cls.__name__}.{name}: is never set; {function.__name__} sets a local variable `{name}`. Write self.{name} = ..."
 
 
-def _declaration_problems(cls: type[Component]) -> Iterator[str]:
+def location(cls: type) -> str:
+    """Return `file:line: Name` of a class, or its name if its source is not there."""
+    try:
+        return f"{shown_path(inspect.getsourcefile(cls) or '?')}:{inspect.getsourcelines(cls)[1]}: {cls.__name__}"
+    except (OSError, TypeError):
+        return cls.__name__
+
+
+def declaration_problems(cls: type[Component]) -> Iterator[str]:
     """Problems of the declarations: unknown units, states without a derivative, outputs that are never set."""
     yield from never_set(cls)
     for variable in cls.variables:
@@ -118,8 +127,7 @@ def _check_function(cls: type[Component], function: FunctionType, visited: set[s
     except OSError:
         return
     tree = ast.parse(textwrap.dedent("".join(lines)))
-    file = (inspect.getsourcefile(function) or "?").replace("\\", "/").split("/")
-    where = f"{cls.__name__} ({'/'.join(file[-2:])}:%d)"
+    where = f"{cls.__name__} ({shown_path(inspect.getsourcefile(function) or '?')}:%d)"
     for node, message in _problems(cls, function, tree, owner):
         yield f"{where % (first + getattr(node, 'lineno', 1) - 1)}: {message}."
     for node in ast.walk(tree):

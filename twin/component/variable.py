@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from math import prod
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, overload
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from twin.errors import DeclarationError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from numpy.typing import NDArray
 
 Start = float | int | bool | tuple[Any, ...]
 
@@ -135,26 +137,67 @@ def _declare(role: Role, unit: str, description: str, start: Start, options: dic
     return Variable(role, unit, description, start, **options)
 
 
+# for type checkers: the type of the values, so that `self.force = "1 N"` is an error; any where `type` is given
+@overload
+def input(unit: str, description: str, *, shape: tuple[int, ...], **options: Any) -> NDArray[Any]: ...  # noqa: A001
+@overload
+def input(unit: str, description: str, *, type: TypeName, **options: Any) -> Any: ...  # noqa: A001
+@overload
+def input(unit: str, description: str, *, start: tuple[Any, ...], **options: Any) -> NDArray[Any]: ...  # noqa: A001
+@overload
+def input(unit: str, description: str, *, start: float = ..., **options: Any) -> float: ...  # noqa: A001
 def input(unit: str, description: str, *, start: Start = 0.0, **options: Any) -> Any:  # noqa: A001 - FMI's own word
     """Declare an input; `start` is its value while nothing is connected."""
     return _declare(Role.input, unit, description, start, options)
 
 
+@overload
+def output(unit: str, description: str, *, shape: tuple[int, ...], **options: Any) -> NDArray[Any]: ...
+@overload
+def output(unit: str, description: str, *, type: TypeName, **options: Any) -> Any: ...
+@overload
+def output(unit: str, description: str, *, start: tuple[Any, ...], **options: Any) -> NDArray[Any]: ...
+@overload
+def output(unit: str, description: str, *, start: float = ..., **options: Any) -> float: ...
 def output(unit: str, description: str, *, start: Start = 0.0, **options: Any) -> Any:
     """Declare an output: written by the component's functions, read by others."""
     return _declare(Role.output, unit, description, start, options)
 
 
+@overload
+def parameter(start: Start, unit: str, description: str, *, shape: tuple[int, ...], **options: Any) -> NDArray[Any]: ...
+@overload
+def parameter(start: Start, unit: str, description: str, *, type: TypeName, **options: Any) -> Any: ...
+@overload
+def parameter(start: tuple[Any, ...], unit: str, description: str, **options: Any) -> NDArray[Any]: ...
+@overload
+def parameter(start: float, unit: str, description: str, **options: Any) -> float: ...
 def parameter(start: Start, unit: str, description: str, **options: Any) -> Any:
     """Declare a parameter. `fixed=True` if it may only be set before the run; else it is tunable."""
     return _declare(Role.parameter, unit, description, start, options)
 
 
+@overload
+def local(start: Start, unit: str, description: str, *, shape: tuple[int, ...], **options: Any) -> NDArray[Any]: ...
+@overload
+def local(start: Start, unit: str, description: str, *, type: TypeName, **options: Any) -> Any: ...
+@overload
+def local(start: tuple[Any, ...], unit: str, description: str, **options: Any) -> NDArray[Any]: ...
+@overload
+def local(start: float, unit: str, description: str, **options: Any) -> float: ...
 def local(start: Start, unit: str, description: str, **options: Any) -> Any:
     """Declare a local variable: memory that only the component writes, visible from outside."""
     return _declare(Role.local, unit, description, start, options)
 
 
+@overload
+def state(start: Start, unit: str, description: str, *, shape: tuple[int, ...], **options: Any) -> NDArray[Any]: ...
+@overload
+def state(start: Start, unit: str, description: str, *, type: TypeName, **options: Any) -> Any: ...
+@overload
+def state(start: tuple[Any, ...], unit: str, description: str, **options: Any) -> NDArray[Any]: ...
+@overload
+def state(start: float, unit: str, description: str, **options: Any) -> float: ...
 def state(start: Start, unit: str, description: str, **options: Any) -> Any:
     """Declare a continuous state `x`; its derivative `der_x` is declared with it and written by `derivatives`."""
     return _declare(Role.state, unit, description, start, options)

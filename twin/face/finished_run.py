@@ -10,15 +10,23 @@ import json
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 from twin import clock
-from twin.errors import ScenarioError, TwinError, UnknownNameError, quote_names
+from twin.errors import ScenarioError, SimulationError, TwinError, UnknownNameError, quote_names
 from twin.face import arrays, notebook
 from twin.face.conversions import as_list, choice, mapping, nanoseconds, override_text, python_option_names
-from twin.face.interactive import interactive_figure, is_plotly_installed
+from twin.face.interactive import interactive_figure, is_plotly_installed, show_still_beside
 from twin.face.progress import in_notebook
-from twin.face.signal_names import array_of, describe_unknown, find_variable, flatten, internal_names, names_of
+from twin.face.signal_names import (
+    array_of,
+    describe_unknown,
+    find_variable,
+    flatten,
+    internal_names,
+    names_of,
+    variants_with,
+)
 from twin.files import split_unit
 from twin.results import (
     Plot,
@@ -31,6 +39,7 @@ from twin.results import (
     export,
     expression,
     find_results,
+    list_empty_columns,
     list_recorded_variables,
     newer_note,
     plotting,
@@ -76,6 +85,21 @@ def in_window(plot: Plot, start: float | str | None, stop: float | str | None) -
     return replace(plot, window=Window(begin, end))
 
 
+def checked_run(folder: Path, scenario: Scenario | None = None, notes: Sequence[str] = ()) -> Run:
+    """Return a run; one that failed raises SimulationError, or ScenarioError if no case began, with `error.run`."""
+    run = Run(folder, scenario, notes)
+    if run.status != "failed":
+        return run
+    problems = list(dict.fromkeys(run.reason.splitlines()))
+    error: TwinError = ScenarioError(problems)
+    if run.variants:
+        error = SimulationError(
+            [*problems, f"What was recorded is in {notebook.shown(folder)}, and here as error.run."]
+        )
+    error.run = run
+    raise error
+
+
 class Run:
     """Results of a scenario: `metrics`, signals as `run["member.variable"]`, `plot`, `report`.
 
@@ -107,6 +131,12 @@ class Run:
     def passed(self) -> bool:
         """Whether the run is complete and all judged requirements are met."""
         return bool(self.summary["passed"])
+
+    def check(self) -> Run:
+        """Return the run if it is complete and all judged requirements are met; else TwinError with a line for each failure."""
+        if self.passed:
+            return self
+        raise TwinError([f"{self.folder}: {notebook.outcome(self.summary)[1]}", *notebook.failures(self.summary)])
 
     @property
     def variants(self) -> tuple[str, ...]:
@@ -161,7 +191,7 @@ class Run:
 
         with python_option_names():
             options = RunOptions(root=self.folder.parents[1], build=Path(build), report=report)
-            return Run(continue_run(self.folder, options, at_ns=at_ns, overrides=overrides).folder)
+            return checked_run(continue_run(self.folder, options, at_ns=at_ns, overrides=overrides).folder)
 
     @property
     def scenario(self) -> Scenario:
@@ -180,8 +210,14 @@ class Run:
         return self._scenario.checked if self._scenario else lint(self.folder / "scenario.yaml", imports=False)[0]
 
     @cached_property
-    def _recorded(self) -> dict[str, RecordedVariable]:
+    def _declared(self) -> dict[str, RecordedVariable]:
+        """Variables of all variants of the scenario, also of those that were not run."""
         return list_recorded_variables(self._signals)
+
+    @cached_property
+    def _recorded(self) -> dict[str, RecordedVariable]:
+        empty = list_empty_columns(self._signals)
+        return {name: item for name, item in self._declared.items() if not empty.issuperset(item.columns)}
 
     @property
     def _signals(self) -> Path:
@@ -192,8 +228,16 @@ class Run:
 
     def variable(self, name: str) -> RecordedVariable:
         """Return a recorded variable or element `sheath.x[3]`, counted from 1; UnknownNameError if there is none."""
+        others = [] if name in self else variants_with(name, self._checked)
+        if others and not set(others) & set(self.variants):
+            these = f"{', '.join(quote_names(self.variants))} {'have' if len(self.variants) > 1 else 'has'}"
+            raise UnknownNameError(f"{self.folder}: {these} no {name!r}. Run {' or '.join(quote_names(others))}.")
         return find_variable(name, self._recorded, self.folder)
 
+    @overload
+    def __getitem__(self, name: str) -> xr.DataArray: ...
+    @overload
+    def __getitem__(self, name: list[str]) -> xr.Dataset: ...
     def __getitem__(self, name: str | list[str]) -> Any:
         """Return a variable over time x variant x seed (x element_of_N), in its own unit `.attrs["units"]`, as a DataArray.
 
@@ -355,6 +399,8 @@ class Run:
             )
         if not interactive:
             figure._repr_html_ = partial(notebook.figure, figure)
+        elif in_notebook():
+            show_still_beside(figure, partial(plotting.plot_figure, plots, chosen, marks, self.variants))
         return figure
 
     def _chosen_plots(self, what: Sequence[str], xy: Sequence[str] | None) -> list[Plot]:
@@ -416,7 +462,7 @@ class Run:
 
     def _unit(self, parsed: Expression) -> str:
         """Return the display unit of an expression; ScenarioError if dimensions do not match."""
-        variables = {name: self._recorded[name] for name in names_of(parsed) if name in self}
+        variables = {name: self._declared[name] for name in names_of(parsed) if name in self._declared}
         return dimension.preferred_unit(
             self._measure(parsed),
             {name: variable.unit for name, variable in variables.items()},
@@ -425,7 +471,9 @@ class Run:
 
     def _measure(self, parsed: Expression) -> dimension.Measure:
         """Return the dimension of an expression; ScenarioError if those of its signals do not match."""
-        units: dict[str, str | None] = {name: self._recorded[name].unit for name in names_of(parsed) if name in self}
+        units: dict[str, str | None] = {
+            name: self._declared[name].unit for name in names_of(parsed) if name in self._declared
+        }
         return dimension.expression_measure(parsed, units)
 
     def __getstate__(self) -> dict[str, Any]:

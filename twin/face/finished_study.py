@@ -40,7 +40,7 @@ def study(
         study = twin.study("few_patients.yaml", progress=True)
         study.cases; study.requirements; study.worst.plot()
 
-    `progress`: True for a bar, or a callback with a text and the completed fraction. `workers`: processes, by default one per
+    `progress`: as of `twin.run`; a callback gets a text and the completed fraction. `workers`: processes, by default one per
     core. `resume`: continue the newest run of the study. After Ctrl-C the `status` is `interrupted`, and finished cases are kept.
     """
     check_file(file, "study", (".yaml", ".yml"), ScenarioError)

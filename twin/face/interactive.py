@@ -7,11 +7,12 @@ from math import inf
 from typing import TYPE_CHECKING, Any
 
 from twin import clock
+from twin.face import notebook
 from twin.installed import import_optional
 from twin.results import plot_annotations, plotting
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from twin.results import EventLine, Plot, Signals
 
@@ -64,6 +65,20 @@ def interactive_figure(
         legend={"orientation": "h", "yref": "container", "y": 1.0, "yanchor": "top"},
     )
     return figure
+
+
+def show_still_beside(figure: Any, draw: Callable[[], Any]) -> None:
+    """Let a notebook store a picture beside the data of plotly: for pages that it is exported to, which were blank.
+
+    `draw`: of Matplotlib.
+    """
+    bundle = figure._repr_mimebundle_
+
+    def both(*_: object, **__: object) -> dict[str, Any]:
+        return {"text/html": notebook.figure(draw()), **bundle()}
+
+    figure._repr_mimebundle_ = both
+    figure._ipython_display_ = None  # which would store the data alone
 
 
 def traces(

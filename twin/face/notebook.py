@@ -204,13 +204,20 @@ def requirements(outcomes: Iterable[Mapping[str, Any]]) -> str:
 
 
 def outcome(summary: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the kind of the outcome of a run, pass or fail, and its text."""
+    """Return the kind of the outcome of a run and its text: pass, fail, or other if fewer requirements are judged than not."""
     met, judged = count_verdicts(summary)
-    skipped = [each["verdict"] for each in summary["expectations"]].count("skipped")
+    skipped = len(unjudged(summary))
     text = requirements_text(met, judged, skipped) or "completed"
     if summary["status"] != "completed":
         return "fail", f"{summary['status']}: {summary['reason']}"
-    return ("pass", f"✓ {text}") if summary["passed"] else ("fail", f"✗ {text}")
+    if not summary["passed"]:
+        return "fail", f"✗ {text}"
+    return ("pass", f"✓ {text}") if skipped <= judged else ("other", text)
+
+
+def unjudged(summary: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the requirements that were not judged."""
+    return [each for each in summary["expectations"] if each["verdict"] == "skipped"]
 
 
 def cases(summary: Mapping[str, Any]) -> str:
@@ -226,8 +233,10 @@ def cases(summary: Mapping[str, Any]) -> str:
 def state(summary: Mapping[str, Any]) -> str:
     """Return the outcome and the cases of a run."""
     kind, text = outcome(summary)
-    notes = "".join(paragraph(f"Note: {sentence}") for sentence in summary.get("unjudged", ()))
-    return f'<b class="{kind}">{escape(text)}</b>{notes}' + paragraph(cases(summary))
+    notes = [f"Note: {sentence}" for sentence in summary.get("unjudged", ())]
+    if kind == "other":
+        notes.append(" ".join([f"{each['name']}: {each['detail']}" for each in unjudged(summary)][:1]))
+    return f'<b class="{kind}">{escape(text)}</b>{"".join(map(paragraph, notes))}' + paragraph(cases(summary))
 
 
 def links(folder: Path, command: str = "twin view") -> str:
@@ -251,15 +260,22 @@ def shown(path: Path) -> str:
     return str(absolute.relative_to(here) if absolute.is_relative_to(here) else path)
 
 
-def run_text(summary: Mapping[str, Any], folder: Path) -> str:
-    """Return a run in some lines: outcome, sentence, failures, cases, folder."""
-    failures = [
+def failures(summary: Mapping[str, Any]) -> list[str]:
+    """Return a line for each requirement that is not met."""
+    lines = [
         f"FAIL {result['name']}: {result['detail']}"
         for result in summary["expectations"]
         if result["verdict"] == "fail"
     ]
     for row in filter(is_failed, metric_rows(summary)):
         paper = f" (paper {row['paper']}, ratio {row['ratio']})" if row["paper"] != "-" else ""
-        failures.append(f"FAIL {row['metric']}, {row['variant']}: {row['mean']} {row['unit']}".rstrip() + paper)
+        lines.append(f"FAIL {row['metric']}, {row['variant']}: {row['mean']} {row['unit']}".rstrip() + paper)
+    return lines
+
+
+def run_text(summary: Mapping[str, Any], folder: Path) -> str:
+    """Return a run in some lines: outcome, sentence, failures, cases, folder."""
     title = f"{summary['scenario']['title']}: {outcome(summary)[1]}"
-    return "\n".join(filter(None, [title, summary.get("sentence", ""), *failures, cases(summary), shown(folder)]))
+    return "\n".join(
+        filter(None, [title, summary.get("sentence", ""), *failures(summary), cases(summary), shown(folder)])
+    )

@@ -1,8 +1,12 @@
-"""Progress of a run: none, a callback, a bar, or a line of text in a notebook without ipywidgets."""
+"""Progress of a run: none, a callback, a bar, or a line of text in a notebook without ipywidgets.
+
+By default it appears after some seconds where a person watches: in a terminal or a notebook.
+"""
 
 from __future__ import annotations
 
 import sys
+import threading
 from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -14,6 +18,8 @@ if TYPE_CHECKING:
 
     ProgressCallback: TypeAlias = Callable[[str, float], object]  # of a case's name and its completed fraction
     Progress: TypeAlias = bool | ProgressCallback | None
+
+DELAY = 3.0  # after which progress is shown by default [s]
 
 
 class Bar:
@@ -39,25 +45,27 @@ class Bar:
 
 
 class TextLine:
-    """A line of text on stdout that each progress overwrites, for notebooks that cannot show the bar; empty at the end."""
+    """A line of text in a notebook that cannot show the bar: one output, which is updated; empty at the end."""
 
     def __init__(self, title: str) -> None:
-        self._width = 0
-        self(title, 0.0)
+        from IPython import display
+
+        show: Any = display.display  # has no types
+        self._text = f"{title}  0 %"
+        self._handle = show({"text/plain": self._text}, raw=True, display_id=True)
 
     def __call__(self, case: str, part: float) -> None:
         """Show the progress of a case."""
         self._write(f"{case}  {100 * part:.0f} %")
 
     def _write(self, text: str) -> None:
-        sys.stdout.write(f"\r{text.ljust(self._width)}")
-        sys.stdout.flush()
-        self._width = len(text)
+        if text != self._text:
+            self._text = text
+            self._handle.update({"text/plain": text}, raw=True)
 
     def close(self) -> None:
         """Clear the line."""
         self._write("")
-        sys.stdout.write("\r")
 
 
 def in_notebook() -> bool:
@@ -65,14 +73,54 @@ def in_notebook() -> bool:
     return "ipykernel" in sys.modules
 
 
+class Delayed:
+    """A bar or line that appears after `DELAY`, also while nothing is reported."""
+
+    def __init__(self, title: str) -> None:
+        self._bar: Bar | TextLine | None = None
+        self._last, self._lock = (title, 0.0), threading.Lock()
+        self._timer: threading.Timer | None = threading.Timer(DELAY, self._show)
+        self._timer.daemon = True
+        self._timer.start()
+
+    def _show(self) -> None:
+        with self._lock:
+            if self._timer is not None:
+                self._bar = shown_progress(self._last[0])
+                self._bar(*self._last)
+
+    def __call__(self, case: str, part: float) -> None:
+        """Show the progress of a case, if it is time."""
+        with self._lock:
+            self._last = case, part
+            if self._bar is not None:
+                self._bar(case, part)
+
+    def close(self) -> None:
+        """Remove what is shown."""
+        with self._lock:
+            timer, self._timer = self._timer, None
+            if timer is not None:
+                timer.cancel()
+            if self._bar is not None:
+                self._bar.close()
+
+
+def shown_progress(title: str) -> Bar | TextLine:
+    """Return a bar, or a line of text in a notebook where rich would warn at each update and show nothing."""
+    return TextLine(title) if in_notebook() and find_spec("ipywidgets") is None else Bar(title)
+
+
 @contextmanager
 def progress_callback(progress: Progress, title: str) -> Iterator[ProgressCallback]:
-    """Yield the callback for a run; a bar is removed at the end."""
+    """Yield the callback for a run; what is shown is removed at the end."""
     if callable(progress):
         yield progress
         return
-    is_text = in_notebook() and find_spec("ipywidgets") is None  # rich would warn at each update, and show nothing
-    bar = (TextLine if is_text else Bar)(title) if progress else None
+    is_watched = in_notebook() or sys.stderr.isatty()
+    bar: Bar | TextLine | Delayed | None = None
+    if progress or (progress is None and is_watched):
+        bar = shown_progress(title) if progress else Delayed(title)
     try:
         yield bar or noop
     finally:

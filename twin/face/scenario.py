@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin.component import Component
+from twin.component import Component, source
 from twin.errors import ScenarioError, TwinError, quote_names
 from twin.face import notebook
 from twin.face.conversions import (
@@ -20,12 +22,22 @@ from twin.face.conversions import (
     override_text,
     python_option_names,
 )
-from twin.face.finished_run import Run
+from twin.face.finished_run import Run, checked_run
 from twin.face.progress import progress_callback
 from twin.face.simulation import Simulation, sourceless
 from twin.former import former_argument
-from twin.run import RunCallbacks, RunOptions, refuse_faults, resolve_catalogs, run_scenario
-from twin.scenario import Backend, changed, lint
+from twin.live import checked_rate
+from twin.run import (
+    WARNING,
+    RunCallbacks,
+    RunOptions,
+    refuse_faults,
+    remarks_on_values,
+    resolve_catalogs,
+    run_scenario,
+    value_remarks,
+)
+from twin.scenario import Backend, changed, lint, resolve_variables
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -33,6 +45,8 @@ if TYPE_CHECKING:
     from twin.face.progress import Progress
     from twin.follow import Following
     from twin.scenario import ScenarioSpec
+
+CAUSALITIES = "input output parameter"  # in the order of messages
 
 
 def load(path: str | Path) -> Scenario:
@@ -103,15 +117,19 @@ class Scenario:
         return self._with_values({name: value})
 
     def _with_values(self, values: Mapping[str, Any]) -> Scenario:
-        classes, overrides = dict(self._classes), []
+        classes, overrides, replaced = dict(self._classes), [], {}
         for name, value in values.items():
             text = reference(value, classes) if isinstance(value, type) else override_text(value)
             if isinstance(value, type):
                 classes[text] = value
+                replaced[name.removesuffix(".component").rpartition(".")[2]] = value
             overrides.append(f"{name}={text}")
         with python_option_names():
-            scenario = Scenario(changed(self.checked, overrides), classes)
-            resolve_catalogs(scenario.checked)
+            try:
+                scenario = Scenario(changed(self.checked, overrides), classes)
+                resolve_catalogs(scenario.checked)
+            except ScenarioError as error:
+                raise ScenarioError(with_missing_connectors(error.problems, self.checked, replaced)) from None
         return scenario
 
     def run(
@@ -129,8 +147,12 @@ class Scenario:
     ) -> Run:
         """Run variants with seeds, default all, and write the folder `out/<name>/<time>/`.
 
-        `progress`: True for a bar, or a callback with a case's name and its completed fraction. `backend`: fmu, compiled or
-        interpreted. `checkpoint`: simulated time between two checkpoints, for `Run.resume` and `Run.branch`. A failure of a member and Ctrl-C end a run early: see its `status` and `reason`; recorded signals are kept. ScenarioError if no case could begin, as when a component cannot be compiled.
+        `progress`: by default shown after 3 s in a terminal or notebook; True: at once, False: never, or a callback with a case's
+        name and its completed fraction. `backend`: fmu, compiled or interpreted, which is slow. `checkpoint`: simulated time between
+        two checkpoints, for `Run.resume` and `Run.branch`.
+
+        SimulationError if a member fails, ScenarioError if no case could begin; `error.run` has what was recorded. Ctrl-C ends the
+        run early: its `status` is `interrupted`. For requirements that are not met, see `Run.check`.
         """
         backend = former_argument("form", form, "backend", backend)
         with python_option_names(), progress_callback(progress, self.title) as report_progress:
@@ -144,9 +166,8 @@ class Scenario:
                 checkpoint_ns=nanoseconds(checkpoint, "checkpoint"),
             )
             outcome = run_scenario(self.checked, options, callbacks=RunCallbacks(progress=report_progress))
-        if outcome.run.status == "failed" and not outcome.tables:
-            raise ScenarioError(list(dict.fromkeys(outcome.run.reason.splitlines())))
-        return Run(outcome.folder, self, [] if backend == Backend.interpreted else sourceless(self._classes.values()))
+        notes = [] if backend == Backend.interpreted else sourceless(self._classes.values())
+        return checked_run(outcome.folder, self, notes)
 
     def simulate(
         self,
@@ -167,8 +188,14 @@ class Scenario:
         cases = self.checked.cases(as_list(variant), integers(seed, "seed"))
         case = cases[0]
         refuse_faults([case], None)
-        catalog = resolve_catalogs(self.checked)[case.variant]
-        return Simulation(case, catalog, Backend(choice(backend, Backend, "backend")), Path(build), True, False)
+        catalogs = resolve_catalogs(self.checked)
+        catalog = catalogs[case.variant]
+        remarks = partial(value_remarks, self.checked, case, catalog)
+        chosen = Backend(choice(backend, Backend, "backend"))
+        with progress_callback(None, f"preparing {self.title}"):
+            simulation = Simulation(case, catalog, chosen, Path(build), True, False, remarks)
+        simulation.notes += [line for line in remarks_on_values(self.checked, catalogs) if line.startswith(WARNING)]
+        return simulation
 
     def __reduce__(self) -> tuple[Any, ...]:
         # variants have generated classes; they are resolved again from the content of the file
@@ -200,10 +227,34 @@ def reference(cls: type, classes: Mapping[str, type[Component]]) -> str:
     """Return the name of a class in a scenario; earlier classes of the same name get other names."""
     if not issubclass(cls, Component):
         raise ScenarioError(f"{cls.__name__} is not a component. Derive it from twin.component.Component.")
+    if problems := list(source.declaration_problems(cls)):
+        raise ScenarioError([f"{source.location(cls)}: {line.removeprefix(f'{cls.__name__}.')}" for line in problems])
     text = f"{cls.__module__}:{cls.__qualname__}"
     while classes.get(text, cls) is not cls:
         text += "'"
     return text
+
+
+def with_missing_connectors(
+    problems: Sequence[str], scenario: ScenarioSpec, classes: Mapping[str, type[Component]]
+) -> list[str]:
+    """Replace the problems of variables that a member's new class lacks by one that names the class and the variables."""
+    for member, cls in classes.items():
+        lacks = re.compile(rf"(?<![\w.]){re.escape(member)} has no variable [`']([^`'\[]+)")
+        names = dict.fromkeys(match[1] for problem in problems for match in lacks.finditer(problem))
+        if not names:
+            continue
+        catalogs = resolve_variables(scenario)[0].values()
+        declared = {name: item for catalog in catalogs for name, item in catalog.get(member, {}).items()}
+        needs: dict[str, list[str]] = {}
+        for name in names:
+            kind, symbol = (declared[name].causality, declared[name].unit) if name in declared else ("variable", "")
+            needs.setdefault(kind, []).append(f"{name} [{symbol}]" if symbol else name)
+        kinds = sorted(needs, key=CAUSALITIES.find)
+        text = ", ".join(f"{kind}{'s' * (len(needs[kind]) > 1)} {', '.join(needs[kind])}" for kind in kinds)
+        line = f"{source.location(cls)}: as `{member}` of {scenario.name} it needs {text}. Declare them."
+        problems = [line, *(problem for problem in problems if not lacks.search(problem))]
+    return list(problems)
 
 
 def run(
@@ -224,8 +275,8 @@ def run(
         run = twin.run("heart_wall_force", "PI", values={"heart.rate": "1.4 Hz"})
         run.metrics; run["sensor.measured_force"]
 
-    `values`: by name, as of `Scenario.set`. `variants`, `seeds`: all of the scenario by default. `progress`: True for a bar,
-    or a callback. `report`: whether report.html is written. `out`: folder of the run folders, `build`: of compiled FMUs.
+    `values`: by name, as of `Scenario.set`. `variants`, `seeds`: all of the scenario by default. `progress`: as of
+    `Scenario.run`. `report`: whether report.html is written. `out`: folder of the run folders, `build`: of compiled FMUs.
     `backend`: fmu, compiled or interpreted. `checkpoint`: simulated time [s] between checkpoints; 0: none.
     """
     return with_values(scenario, values).run(
@@ -260,6 +311,7 @@ def live(
     `rate`: simulated over wall-clock time, 0.1 to 10, or inf: as fast as possible. `values`: by name, as of `Scenario.set`,
     also of fixed parameters. All else as of `Scenario.simulate`; signals are those of `run` to the bit if nothing is set.
     """
+    checked_rate(rate, "rate")
     simulation = with_values(scenario, values).simulate(variant, seed, backend=backend, build=build)
     simulation.rate = rate
     return simulation

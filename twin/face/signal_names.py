@@ -65,6 +65,16 @@ def find_variable(name: str, recorded: Mapping[str, RecordedVariable], folder: P
     raise UnknownNameError(f"{folder}: {name!r}: {variable.name} {text}.")
 
 
+def variants_with(name: str, scenario: ScenarioSpec) -> list[str]:
+    """Return the variants whose members have a variable, or that of an element; none if a component is missing."""
+    member, _, variable = name.partition("[")[0].partition(".")
+    try:
+        catalogs, _ = resolve_variables(scenario)
+    except TwinError:
+        return []
+    return [variant for variant, catalog in catalogs.items() if variable in catalog.get(member, ())]
+
+
 def internal_names(scenario: ScenarioSpec) -> set[str]:
     """Return memory of components: local variables that are 64-bit integers, such as states of random generators, or buffers.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time as wall
 import weakref
@@ -16,10 +17,10 @@ from twin.coupling import MemoryRecorder, find
 from twin.errors import CouplingError, SimulationError, TwinError, UnknownNameError
 from twin.face import notebook
 from twin.face.arrays import frame
-from twin.face.conversions import convert, finite, nanoseconds
+from twin.face.conversions import convert, finite, nanoseconds, override_text
 from twin.files import split_unit
 from twin.live import Pace, checked_rate
-from twin.run import apply_event, build_simulation, recorded_signals
+from twin.run import WARNING, apply_event, build_simulation, recorded_signals
 from twin.scenario import Backend, EventSpec, event_problems, has_source
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     import pandas as pd
+    from numpy.typing import NDArray
 
     from twin.component import Component
     from twin.coupling import Catalog, MemberVariable
@@ -43,8 +45,17 @@ class Simulation:
     Use it in a `with` statement: at its end all members are freed, and `results` stay.
     """
 
-    def __init__(self, case: Case, catalog: Catalog, backend: Backend, build: Path, stops: bool, silent: bool) -> None:
-        self._case = case
+    def __init__(
+        self,
+        case: Case,
+        catalog: Catalog,
+        backend: Backend,
+        build: Path,
+        stops: bool,
+        silent: bool,
+        remarks: Callable[[str, str], list[str]] | None = None,
+    ) -> None:
+        self._case, self._remarks = case, remarks
         self._targets = {connection.target for connection in case.system(catalog).single()[0]}
         self.notes = (
             [] if backend is Backend.interpreted else sourceless(member.made for member in self._case.members.values())
@@ -84,7 +95,7 @@ class Simulation:
 
     @rate.setter
     def rate(self, rate: float) -> None:
-        self._pace = Pace(checked_rate(rate), clock.seconds(self._case.step_ns))
+        self._pace = Pace(checked_rate(rate, "rate"), clock.seconds(self._case.step_ns))
         self._is_scheduled = False
 
     @property
@@ -142,8 +153,13 @@ class Simulation:
         if end < now:
             raise TwinError(f"advance: {clock.text(end)} is before {clock.text(now)}. Time cannot go back.")
         if end > self._case.stop_ns:
+            rest = self._case.stop_ns - now
+            remedy = f"Advance by at most {clock.text(rest)} more." if rest else "Create a new simulation."
+            raise TwinError(f"advance: {clock.text(end)} is after the stop, {clock.text(self._case.stop_ns)}. {remedy}")
+        if (end - self._case.start_ns) % self._case.step_ns:
+            what, begin = ("until", self._case.start_ns) if duration is None else ("duration", now)
             raise TwinError(
-                f"advance: {clock.text(end)} is after the stop, {clock.text(self._case.stop_ns)}. Create a new simulation."
+                f"advance: {what} {clock.text(end - begin)} is no multiple of the step, {clock.text(self._case.step_ns)}. Give a multiple."
             )
 
         report = None if progress is None else lambda time: progress(clock.seconds(time))
@@ -179,12 +195,16 @@ class Simulation:
         while self._events and self._events[0].time_ns <= self._simulated.time and not self.finished:
             apply_event(self._events.pop(0), self._case, self._simulated, self._catalog)
 
-    def __getitem__(self, name: str) -> Any:
-        """Return the current value of a variable or element `member.x[1]`: number, Boolean, text or array.
+    def __getitem__(self, name: str) -> float | NDArray[Any]:
+        """Return the current value of a variable or element `member.x[1]`: number, Boolean or array; text of an FMU's String.
 
         It is in the variable's own unit, or in that of a name like `wall.force [mN]`.
         A parameter or input that was set has its new value at once; the member uses it from its next step.
         """
+        current: float | NDArray[Any] = self._value(name)
+        return current
+
+    def _value(self, name: str) -> Any:
         self._check_open()
         base, symbol = split_unit(name)
         if symbol:
@@ -199,8 +219,9 @@ class Simulation:
         if variable.type == "Boolean":
             value = value.astype(np.bool_)  # a C int in FMI 2.0, a byte in an array
         if reference.element is not None:
-            return value.reshape(-1)[reference.element].item()
-        return value if variable.shape else value.item()
+            value = value.reshape(-1)[reference.element]
+        is_array = variable.shape and reference.element is None
+        return value if is_array else value.item()
 
     def variable(self, name: str) -> MemberVariable:
         """Return the declaration of a variable: unit, description, causality, bounds; UnknownNameError if there is none."""
@@ -227,7 +248,18 @@ class Simulation:
         if problems := event_problems(event, self._catalog, self._targets):
             raise CouplingError(problems)
         apply_event(event, self._case, self._simulated, self._catalog)
+        if self._remarks is not None and value is not None:
+            self._note_implausible(name, value, self._remarks)
         (self._set_keys.add if kind == "set" else self._set_keys.discard)(self._find(name).key)
+
+    def _note_implausible(self, name: str, value: Any, remarks: Callable[[str, str], list[str]]) -> None:
+        """Log and note, once, that a value is outside of the range that the scenario states, or far from its own."""
+        member, _, variable = name.partition(".")
+        previous = self._case.members[member].parameters.get(variable, "")
+        for line in remarks(f"{name}={override_text(value)}", str(previous)):
+            if line.startswith(WARNING) and line not in self.notes:
+                self.notes.append(line)
+                logging.getLogger("twin").warning("%s", line)
 
     def _find(self, name: str) -> Any:
         try:
@@ -263,7 +295,7 @@ class Simulation:
         rows = [
             (
                 escape(f"{member}.{name}"),
-                notebook.value(self[f"{member}.{name}"], variable.unit, variable.display_unit),
+                notebook.value(self._value(f"{member}.{name}"), variable.unit, variable.display_unit),
                 escape(variable.description),
             )
             for member, variables in self._catalog.items()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from twin import make_callable
+from twin.callable_package import make_callable
 from twin.follow.changes import Alarm
 from twin.follow.estimate_recording import EstimateRecording, write_run
 from twin.follow.exporting import estimator, is_follow_file

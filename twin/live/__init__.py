@@ -2,7 +2,7 @@
 
 import lazy_loader
 
-from twin import make_callable
+from twin.callable_package import make_callable
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 make_callable(__name__)

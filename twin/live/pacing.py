@@ -17,11 +17,11 @@ DELAY_COUNT = 300  # blocks whose delay is stored: ten seconds
 GROWTH = 4  # factor between consecutive blocks before their computing time is known
 
 
-def checked_rate(rate: Any) -> float:
-    """Return a valid rate; raise RefusedError otherwise."""
+def checked_rate(rate: Any, name: str = "pace") -> float:
+    """Return a valid rate; raise RefusedError otherwise. `name`: of the command or argument."""
     if isinstance(rate, bool) or not isinstance(rate, int | float) or not (SLOWEST <= rate <= FASTEST or rate == inf):
         raise RefusedError(
-            f"pace: {short(str(rate))} is not a rate. Use {SLOWEST:g} to {FASTEST:g}, or inf: as fast as possible."
+            f"{name}: {short(str(rate))} is not a rate. Use {SLOWEST:g} to {FASTEST:g}, or inf: as fast as possible."
         )
     return float(rate)
 

@@ -60,6 +60,7 @@ from .recording.run_folder import count_verdicts as count_verdicts
 from .recording.run_folder import describe_outcome as describe_outcome
 from .recording.run_folder import requirements_text as requirements_text
 from .recording.run_folder import write_text as write_text
+from .recording.signal_reader import list_empty_columns as list_empty_columns
 from .recording.signal_reader import list_recorded_variables as list_recorded_variables
 from .recording.signal_reader import read_variables as read_variables
 from .recording.signal_reader import readable_recording as readable_recording

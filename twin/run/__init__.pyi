@@ -29,8 +29,10 @@ from .operator_result import warning_result as warning_result
 from .options import RunCallbacks as RunCallbacks
 from .options import RunOptions as RunOptions
 from .options import StudyCase as StudyCase
+from .parameter_table import WARNING as WARNING
 from .parameter_table import parameter_rows as parameter_rows
 from .parameter_table import remarks_on_values as remarks_on_values
+from .parameter_table import value_remarks as value_remarks
 from .parameter_table import with_unit as with_unit
 from .recorded_views import RecordedSignal as RecordedSignal
 from .recorded_views import RecordedSystem as RecordedSystem

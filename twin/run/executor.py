@@ -269,7 +269,7 @@ class RunExecutor:
             result.mark_incomplete("failed", failure)
         if changes := self.callbacks.operator_changes():
             add_notes(info, changes)
-            result.scenario = replace(result.scenario, paper_applies=False, summary="")
+            result.scenario = replace(result.scenario, paper_applies=False, unchanged_variants=(), summary="")
         info.wall_time += duration
         last = None if cosimulation is None else cosimulation.last
         termination = result.terminations.get((case.variant, case.seed), HardwareTermination())

@@ -42,6 +42,7 @@ def finalize_run(
             result.tables,
             scenario.paper_applies,
             result.terminations,
+            unchanged=scenario.unchanged_variants,
         )
         write_signals(result)
         result.evaluation = evaluate_result()

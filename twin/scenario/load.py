@@ -161,6 +161,7 @@ def assemble(
     scenes, more_problems = metric_keys.scenes(keys, valid_tree, list(variants))
     problems += more_problems
     record = record_of(keys, valid_tree, analyses, metrics, expectations, plots, scenes)
+    is_changed = changes_reference(root, str(path))
     scenario = ScenarioSpec(
         path,
         path.stem,
@@ -180,7 +181,7 @@ def assemble(
         plots,
         {name: tuple(members) for name, members in keys.groups.items()},
         tuple(overrides),
-        not any(touches(option) for option in effective) and not changes_reference(root, str(path)),
+        not is_changed and not any(touches(option) for option in effective),
         root,
         unpatched,
         scenes,
@@ -190,6 +191,7 @@ def assemble(
         tuple(keys.console.warnings),
         keys.mutations,
         keys.summary,
+        unchanged_variants=() if is_changed else unchanged_variants(effective, list(variants)),
     )
     where = valid_tree.find(("summary",)).location
     problems += [f"{where}: summary: {each}" for each in check_sentence(keys.summary, metrics, list(variants))]
@@ -254,6 +256,17 @@ def leaves(node: Node) -> Iterator[Node]:
 def touches(option: str) -> bool:
     """Whether an override affects the comparison with published values; seeds, titles and threads do not."""
     return option.partition("=")[0].strip() not in ("seed", "seeds", "title", "source", "threads")
+
+
+def unchanged_variants(options: Iterable[str], variants: Sequence[str]) -> tuple[str, ...]:
+    """Return the variants that no override affects: each of the others is named in one, as `variants.NAME.KEY`."""
+    changed = set()
+    for option in filter(touches, options):
+        named = [name for name in variants if option.strip().startswith(f"variants.{name}.")]
+        if not named:
+            return ()
+        changed.add(max(named, key=len))
+    return tuple(name for name in variants if name not in changed)
 
 
 def case_of(name: str, keys: RunKeys, tree: Node, base: ScenarioKeys, classes: Mapping[str, type[Component]]) -> Case:

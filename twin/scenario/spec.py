@@ -297,7 +297,10 @@ class Case:
 
 @dataclass(frozen=True)
 class ScenarioSpec:
-    """A checked scenario file. `paper_applies`: no override affects the comparison with published values."""
+    """A checked scenario file. `paper_applies`: no override affects the comparison with published values.
+
+    `unchanged_variants`: those that no override affects, where some affect single variants.
+    """
 
     path: Path
     name: str
@@ -328,6 +331,7 @@ class ScenarioSpec:
     mutations: MutationKeys | None = None
     summary: str = ""  # the answer in a sentence, with placeholders for metrics
     text: str = field(default="", repr=False, compare=False)  # of `frozen`, where it is known
+    unchanged_variants: tuple[str, ...] = ()
 
     def cases(self, variants: Sequence[str] = (), seeds: Sequence[int] = ()) -> list[Case]:
         """Return all runs in the order of the file, seeds within variants; only the named variants and seeds, if given."""

@@ -22,11 +22,11 @@ from twin.component import (
     Variable,
     define,
     inputs_of,
-    output,
-    parameter,
     solver,
 )
-from twin.component import input as declare_input
+from twin.component import input as input_field
+from twin.component import output as output_field
+from twin.component import parameter as parameter_field
 from twin.coupling import (
     Group,
     GroupMember,
@@ -52,6 +52,10 @@ if TYPE_CHECKING:
 
     Links = Sequence[tuple[ResolvedConnection, ...]]
 
+# declarations as objects: of fields of a class, type checkers see the values
+declare_input: Any = input_field
+output: Any = output_field
+parameter: Any = parameter_field
 LEFT_OUT = {
     "changes": "the estimator looks for no changes",
     "forecast": "the estimator forecasts nothing",

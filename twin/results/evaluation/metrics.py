@@ -38,7 +38,7 @@ from twin.results.evaluation.reduction import INSTANT_INDEX, extreme_times, is_o
 from twin.results.recording.signals import FULL_RUN, Signals, Window, format_value
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
     from twin.results.evaluation.expression import Expression
 
@@ -244,15 +244,18 @@ def evaluate(
     paper_applies: bool = True,
     terminations: Mapping[tuple[str, int], HardwareTermination] = MappingProxyType({}),
     has_ended: bool = True,
+    unchanged: Collection[str] = (),
 ) -> Evaluation:
     """Evaluate metrics and expectations; `tables`: (variant, seed) -> signals. Incomplete cases are ignored.
 
-    `has_ended`: whether nothing will be added; then a run that ends before a window passes no expectation in it.
+    `has_ended`: whether nothing will be added; then a run that ends before a window passes no expectation in it. `unchanged`:
+    variants with the paper's settings although `paper_applies` is false.
     """
     complete = {case: signals for case, signals in tables.items() if signals.complete}
     run = variants_of(complete)
+    comparable = run if paper_applies else unchanged
     results = [
-        with_verdict(compute_metric(metric, variant, complete), complete, paper_applies, has_ended)
+        with_verdict(compute_metric(metric, variant, complete), complete, variant in comparable, has_ended)
         for metric in metrics.values()
         for variant in run
         if not metric.variants or variant in metric.variants
@@ -261,7 +264,7 @@ def evaluate(
     expectations = tuple(in_display_units(expectations, metrics))
     expectation_results = []
     for expectation in expectations:
-        if expectation.nominal and not paper_applies:
+        if expectation.nominal and not {*run} & {*(expectation.variants or run)} <= {*comparable}:
             what, expected, name = describe_limits(expectation)
             detail = f"{what} is expected {expected}. Not judged: this run changes the scenario's own parameters."
             expectation_results.append(ExpectationResult(name, "skipped", detail))

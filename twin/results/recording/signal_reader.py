@@ -56,6 +56,21 @@ def list_recorded_variables(path: Path) -> dict[str, RecordedVariable]:
     return variables
 
 
+def list_empty_columns(path: Path) -> set[str]:
+    """Return the columns without any value, as of variants that were not run; only the file's metadata is read."""
+    from pyarrow import parquet
+
+    with readable_recording(path):
+        metadata = parquet.read_metadata(path)
+    groups = [metadata.row_group(number) for number in range(metadata.num_row_groups)]
+    columns = [[group.column(index) for group in groups] for index in range(metadata.num_columns)]
+    return {
+        chunks[0].path_in_schema
+        for chunks in columns
+        if chunks and all(chunk.is_stats_set and chunk.statistics.null_count == chunk.num_values for chunk in chunks)
+    }
+
+
 def read_variables(path: Path, variables: Iterable[RecordedVariable]) -> dict[tuple[str, int], Signals]:
     """Read these variables of every case; variables that a case has not recorded are missing in it."""
     requested = list(variables)

@@ -111,9 +111,12 @@ class Builder:
         times = " or ".join(map(clock.text, starts))
         span = f"{clock.text(self.keys.start_time)} to {clock.text(self.end or 0)}"
         least = "at least" if needed > starts[-1] else "more than"
+        trial = " For a short trial: a file that extends this one with metrics, expect and plots as `null`." * (
+            more > 0
+        )
         self.problems.append(
             f"{first.where('from')}: {first.what}{subject}: from {times} {verb} outside the run, {span}. "
-            f"Change it or set stop_time to {least} {clock.text(needed)}."
+            f"Change it or set stop_time to {least} {clock.text(needed)}.{trial}"
         )
 
     @property
