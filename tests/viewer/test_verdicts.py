@@ -13,9 +13,9 @@ from twin.results import EventLine, MetricResult, consecutive_spans, expression,
 from twin.results.recording.run_folder import RecordedVariable, metric_to_dict
 from twin.results.summary_comparison import metric_changes
 from twin.viewer import select_cases, select_signals
-from twin.viewer.page_data import about, compare_metrics
+from twin.viewer.page_data import about, compare_metrics, events, merge_repeated
 from twin.viewer.runs import ViewedCurve
-from twin.viewer.verdicts import Verdicts, merge_repeated
+from twin.viewer.verdicts import Verdicts
 
 
 def metrics_of(*viewed):
@@ -79,7 +79,7 @@ def test_spans_of_very_many_failures_are_few():
 
 
 def test_events_have_names_and_a_joystick_is_one(opened):
-    assert Verdicts(opened.runs[0]).events() == [{"time": 1.0, "name": "heart.scale = 0.5", "variants": []}]
+    assert events(opened.runs[0]) == [{"time": 1.0, "name": "heart.scale = 0.5", "variants": []}]
     stick = [EventLine(0.03 * i, f"set command.speed = {i}") for i in range(40)] + [
         EventLine(5.0, "set command.speed = 0")
     ]
