@@ -60,6 +60,7 @@ def test_the_first_failure_in_time_is_shown_first_with_its_limit(browser, tmp_pa
         page.drawn()
         box = page.page.evaluate("document.getElementById('chart').chart.boxes[0]")
         assert box["low"] < 50.0 < box["high"]  # far from all samples
+        assert [limit["y"] for limit in page.curves()[0]["limits"]] == [50.0]  # not those of other requirements
         cases = page.page.locator("#cases")
         left = page.page.locator("#left")
         assert cases.bounding_box()["y"] + cases.bounding_box()["height"] <= (
@@ -507,7 +508,7 @@ def test_a_failed_analysis_opens_with_its_worst_window_and_says_what_it_hides(br
 
         shown()
         red = page.page.locator("#chart .violations").first.inner_text()
-        assert red == "red: fails quiet (worst 10 s), in PI"
+        assert red == "red: fails quiet, in PI, worst window 12.005 s to 22 s"
         page.page.locator("#all").click()
         page.page.locator("#expectations .outcome").click()
         page.drawn()
@@ -517,6 +518,9 @@ def test_a_failed_analysis_opens_with_its_worst_window_and_says_what_it_hides(br
         hidden.click()
         page.drawn()
         assert [curve["label"] for curve in page.curves()[0]["curves"]] == ["PI", "PI+FF"]
+        page.page.get_by_role("button", name="Show all in each pane").click()
+        page.drawn()
+        assert [len(pane["curves"]) for pane in page.curves()] == [2, 2]
         page.page.locator("#metrics .name", has_text="mean").click()
         page.drawn()
         levels = [limit for limit in page.curves()[0]["limits"] if limit.get("name") == "mean"]

@@ -190,12 +190,17 @@ def test_the_vertical_axis_fits_the_curves_and_an_x_y_plot_shows_times(browser, 
         assert height >= 130
         assert (low, high) == (pytest.approx(0.132, abs=0.01), pytest.approx(0.278, abs=0.01))
         drawn = page.page.evaluate("""() => { const { chart } = document.getElementById("chart"), texts = [], { fillText } = CanvasRenderingContext2D.prototype, circles = [], { arc } = CanvasRenderingContext2D.prototype;
-            CanvasRenderingContext2D.prototype.fillText = function (text) { texts.push(text); };
+            CanvasRenderingContext2D.prototype.fillText = function (text, x) { texts.push([text, x + this.measureText(text).width <= chart.width - 14]); };
             CanvasRenderingContext2D.prototype.arc = function (x, y) { circles.push([x, y]); };
             chart.cursors = [5]; chart.time = 6; chart.draw();
             Object.assign(CanvasRenderingContext2D.prototype, { fillText, arc });
             const { across } = chart.boxes[1];
-            return [texts, circles.map(([x]) => across.inverse(x))]; }""")
+            const times = circles.map(([x]) => across.inverse(x));
+            CanvasRenderingContext2D.prototype.fillText = function (text, x) { texts.push([text, x + this.measureText(text).width <= chart.width - 14]); };
+            chart.cursors = [9.99]; chart.time = null; chart.draw();
+            Object.assign(CanvasRenderingContext2D.prototype, { fillText });
+            return [texts, times]; }""")
+        assert drawn[0].count(["t1", True]) >= 3  # a name at the right edge of the loop is left of its point
         assert page.page.locator(".twin-beyond").first.inner_text().endswith("band 2 \N{UPWARDS ARROW}")
         assert drawn[1] == pytest.approx([5.0, 6.0], abs=0.01)  # the loop is at its points of these times
         x, y = (
