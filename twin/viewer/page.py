@@ -37,6 +37,7 @@ STYLE_SPACE = re.compile(r"/\*.*?\*/|\s*([{};,])\s*|(?<=[a-z]:) ", re.DOTALL)  #
 MAX_SAMPLES = 50_000  # of an embedded curve; longer ones are reduced to their extremes
 MAX_INSTANTS = 600  # of an embedded picture
 MAX_LETTERS = 60_000_000  # characters of a page
+MAX_CHANGED = 3  # overridden values in the heading
 
 
 def html(
@@ -160,8 +161,14 @@ def title(content: dict[str, Any]) -> str:
 
 
 def description(content: dict[str, Any]) -> str:
-    """Return the names and start times of the runs."""
-    return "; ".join(
-        f"{run['name']}, {run['started'][:16].replace('T', ' ')}" + ", in progress" * (run["status"] == RUNNING)
-        for run in content["runs"]
-    )
+    """Return name, start time and changed values of a run; of several, a line of the page has them."""
+    run, *others = content["runs"]
+    ending = ["in progress"] * any(each["status"] == RUNNING for each in content["runs"])
+    changed = run["overrides"] if len(run["overrides"]) <= MAX_CHANGED else [f"{len(run['overrides'])} changed values"]
+    parts = [
+        run["name"],
+        run["started"][:16].replace("T", " "),
+        *changed,
+        *["in progress"] * (run["status"] == RUNNING),
+    ]
+    return f"{1 + len(others)} runs" if others else ", ".join(parts)

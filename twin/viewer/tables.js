@@ -231,7 +231,7 @@ function metrics() {
       });
       if (isPair) made.insertCell().textContent = rows[1]?.change || "–";
       if (reference) made.insertCell().textContent = rows.find((row) => row?.reference)?.reference ?? "";
-      if (!several) made.insertCell().append(badge(rows[0].verdict));
+      if (!several) made.insertCell().append(rows[0].reference !== null && !VERDICTS[rows[0].verdict] ? element("small", "not judged") : badge(rows[0].verdict));
     }
     return found;
   }));
