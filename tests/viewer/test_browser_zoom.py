@@ -160,7 +160,14 @@ def test_two_panes_with_their_times_are_seen_together(browser, tmp_path, height,
         )
         assert page.page.get_by_label("add an expression").bounding_box()["width"] > 450
         position = page.page.evaluate("getComputedStyle(document.getElementById('scene')).position")
-        assert position == ("static" if is_low else "sticky")  # an open scene stays in view beside a third pane
+        assert position == ("static" if is_low else "sticky")  # an open scene stays in view
+        page.page.get_by_label("add an expression").fill("heart.beats")
+        page.page.get_by_label("add an expression").press("Enter")
+        page.until("() => document.getElementById('chart').chart.panes.length === 3")
+        page.drawn()
+        assert page.page.locator("#scene").get_attribute("open") is None  # three panes need its room
+        title, stage = page.page.locator(".twin-legend").last.bounding_box(), page.page.locator("#stage").bounding_box()
+        assert stage["y"] <= title["y"] <= stage["y"] + stage["height"] - 50  # no curve without a name
         assert page.wrong == []
         context.close()
 

@@ -163,12 +163,6 @@ def title(content: dict[str, Any]) -> str:
 def description(content: dict[str, Any]) -> str:
     """Return name, start time and changed values of a run; of several, a line of the page has them."""
     run, *others = content["runs"]
-    ending = ["in progress"] * any(each["status"] == RUNNING for each in content["runs"])
     changed = run["overrides"] if len(run["overrides"]) <= MAX_CHANGED else [f"{len(run['overrides'])} changed values"]
-    parts = [
-        run["name"],
-        run["started"][:16].replace("T", " "),
-        *changed,
-        *["in progress"] * (run["status"] == RUNNING),
-    ]
-    return f"{1 + len(others)} runs" if others else ", ".join(parts)
+    parts = [f"{1 + len(others)} runs"] if others else [run["name"], run["started"][:16].replace("T", " "), *changed]
+    return ", ".join([*parts, *["in progress"] * any(each["status"] == RUNNING for each in content["runs"])])

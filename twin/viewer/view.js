@@ -146,7 +146,7 @@ function marks() {
   for (const { run, time, name, variants, first } of about.events) {
     if (cases.some((one) => one.run === run && (!variants.length || variants.includes(one.variant)))) {
       const at = time + state.offsets[run];
-      found.set(`${at} ${name}`, { at, text: name, first });
+      found.set(`${at} ${name}`, { at, text: name, ...(first && { first }) });
     }
   }
   return [...found.values()].sort((a, b) => a.at - b.at);
