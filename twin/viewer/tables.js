@@ -211,7 +211,7 @@ function metrics() {
   box.querySelector("div").replaceChildren(...byName(about.metrics, ({ name, unit }) => `${name} ${unit}`).map((own) => {
     const [one] = own, found = element("div", "", { className: "metric" }), table = element("table", ""), reference = referenced(own).length > 0;
     const name = button(`${one.description || one.name}${one.unit ? ` [${one.unit}]` : ""}`, () => goTo({ ...one, metric: one.name, spans: {} }), { className: "name", title: `${one.name}: ${one.definition}`, disabled: !one.signal || !nameInPage(one.signal) });
-    name.append(absent(one));
+    name.append(" ", absent(one));
     found.append(name, table);
     const head = table.insertRow(), titles = [...(several ? about.runs.map((run) => run.letter) : reference ? ["twin"] : []), ...(isPair ? ["B − A"] : []), ...(reference ? ["paper"] : []), ...(reference && !several ? [compared(own).length ? one.tolerance ?? "" : ""] : [])];
     if (titles.length) ["", ...titles].forEach((text) => head.append(element("th", text)));
