@@ -308,7 +308,8 @@ class Verdicts:
             "variants": list(plot.variants),
             "bands": {},
             "fan": "",
-            "first": bool(self.scenario.console),  # titles and labels as in the console
+            "first": self.scenario is not None
+            and len(self.scenario.console) > 0,  # titles and labels as in the console
             "range": None,
         }
 
