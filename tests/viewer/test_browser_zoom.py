@@ -160,7 +160,14 @@ def test_two_panes_with_their_times_are_seen_together(browser, tmp_path, height,
         )
         assert page.page.get_by_label("add an expression").bounding_box()["width"] > 450
         position = page.page.evaluate("getComputedStyle(document.getElementById('scene')).position")
-        assert position == ("static" if is_low else "sticky")  # an open scene stays in view beside a third pane
+        assert position == ("static" if is_low else "sticky")  # an open scene stays in view
+        page.page.get_by_label("add an expression").fill("heart.beats")
+        page.page.get_by_label("add an expression").press("Enter")
+        page.until("() => document.getElementById('chart').chart.panes.length === 3")
+        page.drawn()
+        assert page.page.locator("#scene").get_attribute("open") is None  # three panes need its room
+        title, stage = page.page.locator(".twin-legend").last.bounding_box(), page.page.locator("#stage").bounding_box()
+        assert stage["y"] <= title["y"] <= stage["y"] + stage["height"] - 50  # no curve without a name
         assert page.wrong == []
         context.close()
 
@@ -190,12 +197,17 @@ def test_the_vertical_axis_fits_the_curves_and_an_x_y_plot_shows_times(browser, 
         assert height >= 130
         assert (low, high) == (pytest.approx(0.132, abs=0.01), pytest.approx(0.278, abs=0.01))
         drawn = page.page.evaluate("""() => { const { chart } = document.getElementById("chart"), texts = [], { fillText } = CanvasRenderingContext2D.prototype, circles = [], { arc } = CanvasRenderingContext2D.prototype;
-            CanvasRenderingContext2D.prototype.fillText = function (text) { texts.push(text); };
+            CanvasRenderingContext2D.prototype.fillText = function (text, x) { texts.push([text, x + this.measureText(text).width <= chart.width - 14]); };
             CanvasRenderingContext2D.prototype.arc = function (x, y) { circles.push([x, y]); };
             chart.cursors = [5]; chart.time = 6; chart.draw();
             Object.assign(CanvasRenderingContext2D.prototype, { fillText, arc });
             const { across } = chart.boxes[1];
-            return [texts, circles.map(([x]) => across.inverse(x))]; }""")
+            const times = circles.map(([x]) => across.inverse(x));
+            CanvasRenderingContext2D.prototype.fillText = function (text, x) { texts.push([text, x + this.measureText(text).width <= chart.width - 14]); };
+            chart.cursors = [9.99]; chart.time = null; chart.draw();
+            Object.assign(CanvasRenderingContext2D.prototype, { fillText });
+            return [texts, times]; }""")
+        assert drawn[0].count(["t1", True]) >= 3  # a name at the right edge of the loop is left of its point
         assert page.page.locator(".twin-beyond").first.inner_text().endswith("band 2 \N{UPWARDS ARROW}")
         assert drawn[1] == pytest.approx([5.0, 6.0], abs=0.01)  # the loop is at its points of these times
         x, y = (

@@ -8,7 +8,8 @@ import zlib
 import numpy as np
 import pytest
 
-from tests.viewer.recorded import FORCE, folder_of, runs, wave
+from tests.viewer.recorded import FORCE, beats, folder_of, runs, wave
+from twin.cli.view import ViewOptions, view_signals
 from twin.errors import TwinError
 from twin.results.recording.run_folder import RecordedVariable
 from twin.viewer import page
@@ -38,6 +39,26 @@ def test_samples_are_in_the_page_once(opened):
         np.testing.assert_array_equal(found[one["x"]], time)
         np.testing.assert_array_equal(found[one["y"]], np.abs(value) if "abs" in one["signal"] else value)
     assert len(written.text) - sum(map(len, PACKED.findall(written.text))) < 180_000  # the page itself
+
+
+def test_signals_of_failed_requirements_are_in_a_page_of_others(tmp_path, capsys):
+    run = beats(tmp_path)
+    written = page.embedded_page(runs(run), ["heart.velocity"], [0, 2])
+    told = json.loads(ABOUT.search(written.text)[1])
+    assert (written.signals, written.added, told["shown_signals"]) == (2, 1, ["heart.velocity"])
+    assert {each["signal"] for each in told["embedded"]} == {"heart.velocity", "heart.position"}
+    assert told["film"] is None or told["film"]["case"] == 2  # that fails
+    chosen = {
+        "title": "",
+        "variant": "",
+        "seed": None,
+        "patterns": ("heart.velocity",),
+        "rate": 25.0,
+        "speed": 1.0,
+        "port": None,
+    }
+    view_signals([run], ViewOptions(**chosen, output=tmp_path / "page.html", no_open=True), tmp_path / "page.html")
+    assert capsys.readouterr().out.startswith("signals: 2 (1 of them of failed requirements), curves: ")
 
 
 def test_nothing_is_loaded_and_nothing_escapes_its_script(tmp_path):

@@ -13,9 +13,9 @@ from twin.results import EventLine, MetricResult, consecutive_spans, expression,
 from twin.results.recording.run_folder import RecordedVariable, metric_to_dict
 from twin.results.summary_comparison import metric_changes
 from twin.viewer import select_cases, select_signals
-from twin.viewer.page_data import about, compare_metrics
+from twin.viewer.page_data import about, compare_metrics, events, merge_repeated
 from twin.viewer.runs import ViewedCurve
-from twin.viewer.verdicts import Verdicts, merge_repeated
+from twin.viewer.verdicts import Verdicts
 
 
 def metrics_of(*viewed):
@@ -79,7 +79,7 @@ def test_spans_of_very_many_failures_are_few():
 
 
 def test_events_have_names_and_a_joystick_is_one(opened):
-    assert Verdicts(opened.runs[0]).events() == [{"time": 1.0, "name": "heart.scale = 0.5", "variants": []}]
+    assert events(opened.runs[0]) == [{"time": 1.0, "name": "heart.scale = 0.5", "variants": []}]
     stick = [EventLine(0.03 * i, f"set command.speed = {i}") for i in range(40)] + [
         EventLine(5.0, "set command.speed = 0")
     ]
@@ -87,6 +87,41 @@ def test_events_have_names_and_a_joystick_is_one(opened):
         (0.0, "command.speed, 40 times until 1.17 s"),
         (5.0, "command.speed = 0"),
     ]
+
+
+def test_a_session_has_the_labels_of_its_controls_its_targets_and_the_limits_of_its_warnings(tmp_path):
+    time = np.arange(0.0, 6.0, 0.02)
+    columns = [FORCE, RecordedVariable("command.speed", unit="m/s"), RecordedVariable("command.pressed", unit="")]
+    values = {FORCE.name: 0.6 * time, "command.speed": np.where(time >= 1.0, 0.04, 0.0), "command.pressed": time}
+    place = folder_of(tmp_path / "run", {("by hand", 0): (time, values)}, columns)
+    (place / "operated.yaml").write_text("""
+stop_time: 6 s
+step: 20 ms
+members: {sensor: {component: sensor}}
+variants: {by hand: {}}
+console: {controls: [{input: command.speed, label: guidewire, range: 40 mm/s, along: {command.pressed: true}}]}
+events:
+  - {at: 1 s, set: {command.speed: 0.04}}
+  - {at: 1 s, set: {command.pressed: true}}
+  - {at: 5 s, set: {command.speed: 0.0}}
+plots: [{title: Force on the wall, signals: [{signal: sensor.force, label: both}], unit: N}]
+""")
+    summary = json.loads((place / "summary.json").read_text())
+    warning = {"text": "high", "signal": FORCE.name, "unit": "N", "limit": 2.0, "duration": 2.0}
+    summary["operation"] = {"targets": {"reached": {"arch": 2.5}, "missed": []}, "warnings": [warning]}
+    names = {"All 1 targets reached": "pass", "No warning: high": "fail"}
+    summary["expectations"] = [{"name": name, "verdict": own, "detail": ""} for name, own in names.items()]
+    (place / "summary.json").write_text(json.dumps(summary))
+    content = about(runs(place))
+    assert [(one["time"], one["name"]) for one in content["events"]] == [
+        (1.0, "guidewire = 40 mm/s"),
+        (3.5, "arch reached"),
+        (5.0, "guidewire = 0 mm/s"),
+    ]
+    failed, reached = content["expectations"]
+    assert (reached["signal"], failed["signal"], failed["low"], failed["high"]) == ("", FORCE.name, None, 2.0)
+    assert failed["spans"]["0"] == [(pytest.approx(3.34), pytest.approx(5.98))]
+    assert content["plots"][0]["first"]  # its title and labels are those of the console
 
 
 def test_a_metric_has_the_digits_of_the_terminal(tmp_path):

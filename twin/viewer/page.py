@@ -20,7 +20,8 @@ from twin.viewer.page_data import about
 from twin.viewer.requests import head
 from twin.viewer.runs import ViewedCurve
 from twin.viewer.scene_data import Scenes
-from twin.viewer.selection import suggest_signals
+from twin.viewer.selection import failed_signals, suggest_signals
+from twin.viewer.verdicts import normalize
 from twin.web import STATIC, PackedArrays, chart_script
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ STYLE_SPACE = re.compile(r"/\*.*?\*/|\s*([{};,])\s*|(?<=[a-z]:) ", re.DOTALL)  #
 MAX_SAMPLES = 50_000  # of an embedded curve; longer ones are reduced to their extremes
 MAX_INSTANTS = 600  # of an embedded picture
 MAX_LETTERS = 60_000_000  # characters of a page
+MAX_CHANGED = 3  # overridden values in the heading
 
 
 def html(
@@ -91,10 +93,14 @@ def report_links(runs: RunCollection, study: StudyCases | None) -> dict[str, str
 
 @dataclass(frozen=True)
 class EmbeddedPage:
-    """A self-contained page with samples. `thinned`: number of curves reduced to their extremes."""
+    """A self-contained page with samples. `thinned`: number of curves reduced to their extremes.
+
+    `added`: how many of the signals are there because their requirements failed, although others were chosen.
+    """
 
     text: str
     signals: int
+    added: int
     curves: int
     samples: int
     thinned: int
@@ -102,7 +108,10 @@ class EmbeddedPage:
 
 def embedded_page(runs: RunCollection, signals: Sequence[str], cases: Sequence[int]) -> EmbeddedPage:
     """Return a self-contained page with signals or expressions of some cases; by default it opens as the page of a server."""
-    shown_signals, signals = list(signals), signals or suggest_signals(runs)
+    shown_signals = list(signals)
+    chosen = set(map(normalize, signals))
+    added = [name for name in dict.fromkeys(failed_signals(runs)) if signals and name not in chosen]
+    signals = [*signals, *added] or suggest_signals(runs)
     content = about(runs) | {"study": None}
     arrays = PackedArrays()
     embedded, thinned, samples = [], 0, 0
@@ -123,14 +132,15 @@ def embedded_page(runs: RunCollection, signals: Sequence[str], cases: Sequence[i
         raise TwinError(f"{signals[0]}: none of these cases has recorded it. Choose others with --variant and --seed.")
     content["signals"] = [signal for signal in content["signals"] if signal["name"] in signals]
     content |= {"title": title(content), "embedded": embedded, "shown": list(cases), "shown_signals": shown_signals}
-    content["film"] = film(runs, cases[0], arrays)
+    failed = (number for each in content["expectations"] for number in map(int, each["spans"]) if number in cases)
+    content["film"] = film(runs, next(failed, cases[0]), arrays)
     text = html(content, arrays.texts, description(content))
     if len(text) > MAX_LETTERS:
         raise TwinError(
             f"{len(embedded)} curves make a page of {len(text) / 1e6:.0f} MB; browsers support {MAX_LETTERS / 1e6:.0f}. "
             "Choose fewer with --signal, --variant and --seed."
         )
-    return EmbeddedPage(text, len(signals), len(embedded), samples, thinned)
+    return EmbeddedPage(text, len(signals), len(added), len(embedded), samples, thinned)
 
 
 def film(runs: RunCollection, number: int, arrays: PackedArrays) -> dict[str, Any] | None:
@@ -151,8 +161,8 @@ def title(content: dict[str, Any]) -> str:
 
 
 def description(content: dict[str, Any]) -> str:
-    """Return the names and start times of the runs."""
-    return "; ".join(
-        f"{run['name']}, {run['started'][:16].replace('T', ' ')}" + ", in progress" * (run["status"] == RUNNING)
-        for run in content["runs"]
-    )
+    """Return name, start time and changed values of a run; of several, a line of the page has them."""
+    run, *others = content["runs"]
+    changed = run["overrides"] if len(run["overrides"]) <= MAX_CHANGED else [f"{len(run['overrides'])} changed values"]
+    parts = [f"{1 + len(others)} runs"] if others else [run["name"], run["started"][:16].replace("T", " "), *changed]
+    return ", ".join([*parts, *["in progress"] * any(each["status"] == RUNNING for each in content["runs"])])

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from string import ascii_uppercase
 from typing import TYPE_CHECKING, Any
 
 from twin.component import unit as units
+from twin.errors import TwinError
 from twin.results import MetricFormat, MetricResult, common_seeds, expression, metric_formats
+from twin.run import event_rows, first_motion
 from twin.viewer import following
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from twin.viewer.runs import RunCollection
+    from twin.results import EventLine
+    from twin.scenario import ScenarioSpec
+    from twin.viewer.runs import OpenRun, RunCollection
     from twin.viewer.verdicts import ExpectationView, Verdicts
 
 MAX_SIGNALS = 20_000  # in the tree
 ORDER = {"fail": 0, "skipped": 2}  # of expectations
+REPEAT_INTERVAL = 0.2  # longest time between merged settings of one variable [s]
 CUT = "cut"  # verdict of a metric whose run ended before its window
 
 
@@ -55,11 +61,7 @@ def about(runs: RunCollection) -> dict[str, Any]:
             for number, compared in enumerate(compare_metrics(verdicts))
             for metric in verdicts[number].metrics(compared)
         ],
-        "events": [
-            event | {"run": number}
-            for number, (run, verdict) in enumerate(zip(runs.runs, verdicts, strict=True))
-            for event in (following.events(run) if following.is_followed(run) else verdict.events())
-        ],
+        "events": [event | {"run": number} for number, run in enumerate(runs.runs) for event in events(run)],
         "functions": list(expression.FUNCTIONS),
         # runs of one scenario share plots; the last run's are used if they differ
         "plots": list({plot["title"]: plot for verdict in verdicts for plot in verdict.plots()}.values()),
@@ -136,6 +138,72 @@ def compare_metrics(verdicts: Sequence[Verdicts]) -> list[dict[tuple[str, str], 
         }
         for number, run in enumerate(common)
     ]
+
+
+def events(viewed: OpenRun) -> list[dict[str, Any]]:
+    """Return the events and faults of a run's scenario, and the targets that an operator reached."""
+    scenario = viewed.verdicts.scenario
+    if following.is_followed(viewed) or scenario is None:
+        return following.events(viewed)
+    rows = event_rows(scenario.variants, viewed.summary.get("conditions", ()))
+    marks = merge_repeated(name_controls([row.annotation for row in rows], viewed, scenario))
+    return sorted([*marks, *reached_targets(viewed, scenario)], key=lambda mark: mark["time"])
+
+
+def reached_targets(viewed: OpenRun, scenario: ScenarioSpec) -> list[dict[str, Any]]:
+    """Return when the targets of an operator's session were reached; its times count from the first command."""
+    reached = viewed.summary.get("operation", {}).get("targets", {}).get("reached", {})
+    recording, case = viewed.recording, next(iter(viewed.recording.cases))
+    names = [control.input for control in scenario.console if reached and recording.has(case, control.input)]
+    rows = [recording.column(case, name) for name in names]
+    begin = first_motion(recording.column(case, "time"), [(row, row[0]) for row in rows]) if rows else None
+    if begin is None:
+        return []
+    return [
+        {"time": begin + time, "name": f"{name} reached", "variants": [], "first": True}
+        for name, time in reached.items()
+    ]
+
+
+def name_controls(marks: Iterable[EventLine], viewed: OpenRun, scenario: ScenarioSpec) -> Iterator[EventLine]:
+    """Yield events of inputs under the labels of their controls, in the unit of their range; without what is set along with them."""
+    own = {control.input: control for control in scenario.console if control.label}
+    along = {name for control in own.values() for name in control.along} - own.keys()
+    parts = [(mark, *mark.name.removeprefix("set ").partition(" = ")[::2]) for mark in marks]
+    times = {mark.time for mark, name, _ in parts if name in own}
+    for mark, name, value in parts:
+        if name in along and mark.time in times:
+            continue
+        variable = viewed.variables.get(name.partition("[")[0])
+        if name not in own or variable is None:
+            yield mark
+            continue
+        label, shown = own[name].label, str(own[name].range or "").partition(" ")[2] or variable.unit
+        with suppress(TwinError, ValueError):  # a value with a unit of its own stays as it is
+            factor, offset = units.conversion(variable.unit, shown, name)
+            yield replace(mark, name=f"{label} = {factor * float(value) + offset:.4g} {shown}".rstrip())
+            continue
+        yield replace(mark, name=f"{label} = {value}")
+
+
+def merge_repeated(marks: Iterable[EventLine]) -> list[dict[str, Any]]:
+    """Return events for a page; rapidly repeated settings, e.g. by a joystick, become one with a count."""
+    merged: list[dict[str, Any]] = []
+    last: dict[tuple[str, tuple[str, ...]], tuple[dict[str, Any], float, int]] = {}
+    for mark in marks:
+        name = mark.name.removeprefix("set ")
+        key = (name.partition(" =")[0], mark.variants)
+        if key in last and mark.time == last[key][1]:  # the later setting holds
+            last[key][0]["name"] = name
+            continue
+        if key in last and mark.time - last[key][1] < REPEAT_INTERVAL:
+            entry, _, count = last[key]
+            entry["name"] = f"{key[0]}, {count + 1} times until {mark.time:g} s"
+            last[key] = entry, mark.time, count + 1
+            continue
+        merged.append({"time": mark.time, "name": name, "variants": list(mark.variants)})
+        last[key] = merged[-1], mark.time, 1
+    return merged
 
 
 def sort_expectations(verdicts: Iterable[Verdicts]) -> list[tuple[int, ExpectationView]]:

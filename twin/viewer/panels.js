@@ -9,7 +9,6 @@ const MOST = 50, MANY = 3; // variants in which an expression is tried; overridd
 
 // scroll to a pane, of a split one to the first
 function reveal(place) {
-  find("stage").style.scrollPaddingTop = `${find("scene").offsetHeight + 8}px`; // the scene stays in view
   chart.legends.children[shown.findIndex((one) => one.place === place)]?.scrollIntoView({ block: "start" });
 }
 
@@ -170,9 +169,10 @@ const nameOf = (run, r = about.runs.indexOf(run)) => [...(about.runs.length > 1 
 function cases() {
   const all = about.embedded ? about.shown : about.cases.map((_, k) => k);
   find("chosen").textContent = `${state.cases.length} of ${all.length} shown`;
-  find("some").hidden = state.cases.length >= all.length;
+  find("some").hidden = state.cases.length >= all.length && !shown.some(({ hidden }) => hidden.length);
+  find("some").textContent = state.cases.length < all.length ? "Show all" : "Show all in each pane";
   find("some").title = `At first up to ${GROUPS} curves a signal are shown, so that they can be told apart`;
-  find("some").onclick = () => { state.cases = all; show(); };
+  find("some").onclick = () => { state.cases = all; for (const one of state.panes) delete one.variants; show(); };
   const list = find("cases").querySelector("div"), seeds = groupsOf(all, true).some((group) => group.cases.length > 1);
   find("together").hidden = !seeds;
   find("band").checked = state.band;

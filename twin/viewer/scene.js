@@ -7,7 +7,8 @@ let film = null, playing = 0;
 
 // ---- the picture of a case
 
-function pictureCase() { return state.scene !== null && state.cases.includes(state.scene) ? state.scene : state.cases[0] ?? null; }
+// a page of one file has the picture of one case
+function pictureCase() { return about.embedded ? about.film?.case ?? null : state.scene !== null && state.cases.includes(state.scene) ? state.scene : state.cases[0] ?? null; }
 
 function pictured() {
   clearTimeout(pictured.due);
@@ -17,9 +18,9 @@ function pictured() {
 // read the values of the visible window; the views are drawn anew for another case
 async function load() {
   const place = pictureCase(), select = find("pictured");
-  const options = state.cases.map((k) => element("option", about.cases[k].label, { value: k, selected: k === place }));
+  const options = (about.embedded ? [place] : state.cases).filter((k) => k !== null).map((k) => element("option", about.cases[k].label, { value: k, selected: k === place }));
   select.replaceChildren(...options);
-  select.hidden = options.length < 2;
+  select.hidden = state.cases.length < 2;
   if (place === null) { film = null; find("scene").hidden = true; return; }
   const window = windowOf(), wanted = JSON.stringify([place, window, about.cases[place].samples, offset(place)]);
   if (film?.wanted === wanted) return;

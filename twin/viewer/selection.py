@@ -48,22 +48,26 @@ def check_expression(runs: RunCollection, text: str) -> str:
     raise TwinError(f"{runs.runs[0].folder}: {problem}")
 
 
+def failed_signals(runs: RunCollection) -> list[str]:
+    """Return the signals of failed expectations, those that analyses read first."""
+    return [
+        name
+        for run in runs.runs
+        for expectation in run.verdicts.expectations()
+        if expectation.verdict == "fail" and expectation.signal
+        for name in (*run.verdicts.analyzed(expectation.signal), expectation.signal)
+    ]
+
+
 def suggest_signals(runs: RunCollection) -> list[str]:
     """Return signals of failed expectations, then of the scenario's plots, else the first signals; of followed rigs all plots."""
-    selected: dict[str, None] = {}
     followed = [name for run in runs.runs if following.is_followed(run) for name in following.first_signals(run)]
     if followed:
         return list(dict.fromkeys(followed))
-    for run in runs.runs:
-        verdicts = run.verdicts
-        failed = [
-            name
-            for expectation in verdicts.expectations()
-            if expectation.verdict == "fail" and expectation.signal
-            for name in (*verdicts.analyzed(expectation.signal), expectation.signal)
-        ]
-        plotted = [name for plot in verdicts.plots() for name in (*plot["signals"], plot["x"]) if name]
-        selected.update(dict.fromkeys([*failed, *plotted]))
+    plotted = [
+        name for run in runs.runs for plot in run.verdicts.plots() for name in (*plot["signals"], plot["x"]) if name
+    ]
+    selected = dict.fromkeys([*failed_signals(runs), *plotted])
     return list(selected or runs.runs[0].recording.column_indices.keys() - {"variant", "seed", "time"})[:MAX_SIGNALS]
 
 

@@ -1,7 +1,7 @@
 // What is shown: `state` is stored in the URL; everything else follows from it.
 //
-//   panes:   [{kind: "time" | "xy" | "spectrum", items: [{signal, minus}], x, plot, range, domain, facet, weights, variants}]
-//            minus: a case's number, a run's as "A", or a variant's as "=PI"; variants: if set, the only ones of the pane; facet: "" | "variant" | "run", a pane for each; weights: heights of these
+//   panes:   [{kind: "time" | "xy" | "spectrum", items: [{signal, minus}], x, plot, range, domain, facet, weights, variants, metric, requirement}]
+//            minus: a case's number, a run's as "A", or a variant's as "=PI"; variants: if set, the only ones of the pane; metric: whose values are drawn; requirement: the only one whose limits are drawn; facet: "" | "variant" | "run", a pane for each; weights: heights of these
 //   cases:   numbers of the shown cases       window: [from, to] or null       cursors: [a, b]
 //   offsets: shift of each run in time [s]    band: seeds as mean and range    time: of the time cursor, or null
 //   scene:   case of the picture, or null     span: of a run in progress, the time that is shown up to now [s], or null
@@ -29,7 +29,7 @@ function first() {
   if (failed) {
     const isWindow = failed.failed_at === null && !failed.sources.length, isShown = found.cases.some((k) => failed.spans[k]); // of a metric: its signal may be one number
     if (!own.length) {
-      found.panes = judgedSignals(failed).map((name) => pane([name], { variants: failed.variants.length ? failed.variants : undefined }));
+      found.panes = judgedSignals(failed).map((name) => pane([name], { variants: failed.variants.length ? failed.variants : undefined, requirement: failed.name }));
       if (isWindow) found.panes.push(...firstPlots(1).slice(0, 1));
       if (!isShown) found.cases = [+Object.keys(failed.spans)[0], ...found.cases];
     }
@@ -185,6 +185,10 @@ function groupLabel({ run, variant, cases }) {
 const lessOf = (minus) => (minus === null ? "" : ` − ${letter(minus) ? minus.replace(/^=/, "") : about.cases[minus].label}`);
 const plotOf = (one) => about.plots.find((each) => each.title === one.plot);
 
+// the plot of a pane, else one that has its signals with a band or lines, or is of its only signal
+const referenceOf = (one) => plotOf(one) ?? about.plots.find(({ signals: names, band, lines, x, first: isTitled }) => one.kind === "time" && !x
+  && (band.length + lines.length > 0 || (isTitled && names.length === 1)) && one.items.every(({ signal, minus }) => minus === null && names.includes(signal)));
+
 // panes of the chart: those of the state, one for each variant or run where they are split; `place`: index in the state
 function shownPanes() {
   return state.panes.flatMap((one, place) => {
@@ -201,13 +205,13 @@ function shownPane(one, cases, part) {
   const unit = head?.unit ?? unitOf(one.items[0]?.signal) ?? "", title = [titled(one), part].filter(Boolean).join(": ");
   const found = { title, unit, range: one.range, domain: one.domain, home: plotOf(one)?.range || undefined, curves: lines, own: one.kind !== "time", log: one.kind === "spectrum" ? "xy" : "" };
   if (found.own) found.x = { label: one.kind === "spectrum" ? "frequency" : one.x, unit: `[${head?.x_unit || (one.kind === "xy" ? signals.get(one.x)?.unit : "Hz") || ""}]` };
-  const plot = plotOf(one);
+  const plot = referenceOf(one);
   if (plot && one.items.every((item) => item.minus === null)) Object.assign(found, { band: plot.band.length ? plot.band : null, lines: plot.lines });
   found.hidden = [...new Set(state.cases.map((k) => about.cases[k].variant))].filter((variant) => one.variants && !one.variants.includes(variant));
-  if (one.kind === "time") Object.assign(found, judged(lines));
+  if (one.kind === "time") Object.assign(found, judged(lines, one.requirement));
   if (one.metric && one.kind === "time") found.limits.push(...levels(one.metric, lines));
   found.ending = (one.kind === "spectrum" ? `, ${summarized().map((time) => +readableTime(time, ...summarized())).join(" to ")} s` : "") + shorten(lines);
-  if (one.kind === "time" && plot?.fan) found.curves = [...lines, ...fan(plot.fan, lines.length)];
+  if (one.kind === "time" && plotOf(one)?.fan) found.curves = [...lines, ...fan(plotOf(one).fan, lines.length)];
   return found;
 }
 
@@ -233,7 +237,8 @@ function fan(path, color) {
 function titled(one) {
   const names = one.items.map((item) => item.signal + lessOf(item.minus)).join(", ");
   const what = one.kind === "xy" ? `${names} over ${one.x}` : one.kind === "spectrum" ? `Spectrum of ${names}` : names;
-  return one.plot && (one.items.length > 1 || plotOf(one)?.first) ? one.plot : what;
+  const plot = referenceOf(one);
+  return plot && (plot.first ? one.plot || plot.signals.length === 1 : one.plot && one.items.length > 1) ? plot.title : what;
 }
 
 // Appearance of a case, whichever cases are shown: its color is of its variant (of its run, if all are of one variant), its dash of its run
@@ -293,10 +298,18 @@ function bandOf(signal) {
   return edges?.every((edge) => !about.embedded || about.embedded.some((one) => one.signal === edge)) ? edges : null;
 }
 
-// limits and failed spans of the signals of a pane; `violations`: the names of the failed expectations with their variants
-function judged(lines) {
+// the worst window of an analysis, of several seeds the time that theirs cover
+function windowText(spans) {
+  const from = Math.min(...spans.map((one) => one.from)), to = Math.max(...spans.map((one) => one.to)), isOne = spans.every((one) => one.from === from && one.to === to);
+  return `, worst window${isOne ? "" : "s"} ${digits(from)} s to ${digits(to)} s`;
+}
+
+// Limits and failed spans of the signals of a pane. `only`: of this requirement, so that no curve is judged by the limits of others;
+// `violations`: the names of the failed expectations with their variants.
+function judged(lines, only) {
   const limits = [], spans = [], traced = [], violations = new Map();
   for (const each of about.expectations) {
+    if (only !== undefined && each.name !== only) continue;
     const isOf = ({ spec }, name) => [spec.signal, heads.get(spec.signal)?.key].includes(name);
     const own = lines.filter((line) => line.item.minus === null && [each.signal, ...each.sources].some((name) => isOf(line, name)) && about.cases[line.spec.case].run === each.run
       && (!each.variants.length || each.variants.includes(about.cases[line.spec.case].variant)));
@@ -306,14 +319,14 @@ function judged(lines) {
     for (const number of own.flatMap(({ cases }) => cases)) {
       const { variant } = about.cases[number], name = `${about.runs.length > 1 ? `${about.runs[each.run].letter}: ` : ""}${/[ ,]/.test(variant) ? `"${variant}"` : variant}`;
       for (const [from, to] of each.spans[number] || []) {
-        const what = each.sources.length ? `${each.name} (worst ${+(to - from).toPrecision(2)} s)` : each.name;
-        (each.sources.length ? traced : spans).push({ from: from + move, to: to + move, text: `fails: ${what}, in ${name}`, what, name });
+        const isTraced = each.sources.length > 0, own = { from: from + move, to: to + move };
+        (isTraced ? traced : spans).push({ ...own, text: `fails: ${each.name}, in ${name}${isTraced ? windowText([own]) : ""}`, what: each.name, name });
       }
     }
   }
   const marked = spans.length ? spans : traced; // a window of many seconds would hide failed samples
-  for (const { what, name } of marked) violations.set(what, (violations.get(what) ?? new Set()).add(name));
-  return { limits, spans: marked, violations: [...violations].map(([name, variants]) => `${name}, in ${[...variants].join(", ")}`) };
+  for (const span of marked) violations.set(span.what, [...(violations.get(span.what) ?? []), span]);
+  return { limits, spans: marked, violations: [...violations].map(([what, own]) => `${what}, in ${[...new Set(own.map(({ name }) => name))].join(", ")}${marked === traced ? windowText(own) : ""}`) };
 }
 
 // lines at the values of a metric over its window, in the colors of its curves

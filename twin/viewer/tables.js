@@ -2,6 +2,7 @@
 
 const digits = (value) => (value === null || value === undefined ? "–" : String(+value.toPrecision(6)));
 const STATISTICS = [["mean", "mean"], ["std", "std"], ["rms", "RMS"], ["low", "min"], ["high", "max"], ["peak_to_peak", "peak to peak"]];
+const WORST = { low: "least", high: "largest", peak_to_peak: "largest" }; // of the seeds; other statistics are their means
 const KINDS = { differs: "differs", fail: "failed", open: "open", pass: "passed", skipped: "not judged" }; // of requirements, in this order
 const PASSES = 5; // at most, of requirements that are shown: more are folded
 const SHORT = 150, PAIRED = 2e6; // shortest time between requests of values [ms]; samples of a case from which on it is not compared with that of run A
@@ -9,15 +10,23 @@ const SHORT = 150, PAIRED = 2e6; // shortest time between requests of values [ms
 // request values for what is shown now, again if it changes meanwhile
 async function tabulate() {
   tabulate.stale = true;
+  outdated();
   if (tabulate.busy) return;
   tabulate.busy = true;
   while (tabulate.stale) {
     await new Promise((done) => setTimeout(done, SHORT));
     tabulate.stale = false;
+    const now = tabulated();
     try { await summarize(); } catch { /* the chart says what is wrong */ }
+    tabulate.summarized = now;
+    outdated();
   }
   tabulate.busy = false;
 }
+
+// what the statistics depend on, so not the time cursor; until they follow, they are gray
+const tabulated = () => JSON.stringify([state.panes, state.cases, state.window, state.cursors, state.offsets, state.band, [...chart.dimmed]]);
+function outdated() { find("values").classList.toggle("outdated", tabulated() !== tabulate.summarized); }
 
 // the window that is summarized: between the cursors, or what is visible
 const isBetween = () => state.cursors.length === 2 && state.cursors[0] !== state.cursors[1];
@@ -42,7 +51,7 @@ async function summarize() {
   chart.redraw(false);
   if (!find("values").open) return;
   const values = times.length ? await source.values(specs.slice(0, lines.length), lines.map((line) => own(line, times))) : [];
-  const seeds = specs.some((spec) => spec.seeds?.length) ? "; of seeds, the mean of each seed's value (range: point at it)" : "";
+  const seeds = specs.some((spec) => spec.seeds?.length) ? "; over seeds the mean, or what the column says (range: point at it)" : "";
   const [begin, end] = windowOf(), away = state.cursors.flatMap((at, k) => (at < begin || at > end ? [`t${k + 1}`] : [])).join(" and ");
   find("summarized").textContent = (isBetween() ? `between t1 and t2${away && ` (${away} outside of the visible time)`}` : state.window ? "of the visible time" : "of the whole time") + seeds;
   find("values").querySelector("div").replaceChildren(valueTable(lines, values, statistics));
@@ -61,14 +70,15 @@ function overSeeds(parts) {
   if (own.length < 2) return first ?? parts[0];
   const mean = (name) => (own.every((one) => Number.isFinite(one[name])) ? own.reduce((sum, one) => sum + one[name], 0) / own.length : null);
   const names = [...STATISTICS.map(([name]) => name), "slope", "rate"], ranges = Object.fromEntries(names.map((name) => [name, [Math.min, Math.max].map((edge) => edge(...own.map((one) => one[name])))]));
-  return { ...first, ...Object.fromEntries(names.map((name) => [name, mean(name)])), ranges, count: own.reduce((sum, one) => sum + one.count, 0), thinned: own.some((one) => one.thinned) };
+  const ofSeeds = (name) => (WORST[name] ? ranges[name][+(WORST[name] === "largest")] : mean(name)); // a mean of extremes would look better than the worst seed
+  return { ...first, ...Object.fromEntries(names.map((name) => [name, ofSeeds(name)])), ranges, count: own.reduce((sum, one) => sum + one.count, 0), thinned: own.some((one) => one.thinned) };
 }
 
 function valueTable(lines, values, statistics) {
-  const table = element("table", ""), [from, to] = windowOf(), [a, b] = state.cursors, both = b !== undefined, second = (value) => `${readableTime(value, from, to)} s`;
+  const table = element("table", ""), [from, to] = windowOf(), [a, b] = state.cursors, both = b !== undefined, second = (value) => `${readableTime(value, from, to)} s`, isMerged = statistics.some(({ ranges }) => ranges);
   const row = (cells, tag = "td") => { const made = table.insertRow(); cells.forEach((text) => made.append(element(tag, text))); return made; };
   const cursors = [...(a === undefined ? [] : ["t1"]), ...(both ? ["t2", "t2 − t1"] : []), ...(state.time === null ? [] : ["now"])];
-  row(["", ...cursors.map((name) => name.replace(/^t.$/, "at $&")), ...STATISTICS.map(([, title]) => title), slopeTitle(lines), "rate [Hz]"], "th");
+  row(["", ...cursors.map((name) => name.replace(/^t.$/, "at $&")), ...STATISTICS.map(([name, title]) => (isMerged && WORST[name] ? `${title} (${WORST[name]})` : title)), isMixed(lines) || !lines.length ? "slope" : `slope ${slopeUnit(lines[0].pane.unit)}`, "rate [Hz]"], "th");
   if (cursors.length) {
     const found = { t1: a, t2: b, "t2 − t1": b - a, now: state.time }, made = row(["time", ...cursors.map((name) => second(found[name])), ...Array(STATISTICS.length + 2).fill("")]);
     if (state.time !== null) made.cells[cursors.length].now = () => second(state.time);
@@ -82,15 +92,13 @@ function valueTable(lines, values, statistics) {
     const [first, second] = values[k] || [];
     return { line, ...statistics[k], t1: first, t2: second, "t2 − t1": Number.isFinite(first) && Number.isFinite(second) ? second - first : null, now: values[k]?.[state.cursors.length] };
   });
-  for (const place of new Set(lines.map((line) => line.place))) paneRows(entries.filter(({ line }) => line.place === place), cursors, row);
+  for (const place of new Set(lines.map((line) => line.place))) paneRows(entries.filter(({ line }) => line.place === place), cursors, row, isMixed(lines));
   return table;
 }
 
-// the unit of a slope is that of its pane per second
-function slopeTitle(lines) {
-  const units = new Set(lines.map((line) => line.pane.unit)), [unit] = units;
-  return `slope [${units.size > 1 ? "unit" : unit || "1"}${/[ /]/.test(unit) ? " per s" : "/s"}]`;
-}
+// the unit of a slope is that of its pane per second; of different ones each pane has its own
+const slopeUnit = (unit) => `[${unit || "1"}${/[ /]/.test(unit) ? " per s" : "/s"}]`;
+const isMixed = (lines) => new Set(lines.map(({ pane: { unit } }) => unit)).size > 1;
 
 // from when or until when a curve is there, if not in the whole window that is summarized
 function partOf({ cases, spec }, count) {
@@ -100,13 +108,13 @@ function partOf({ cases, spec }, count) {
 }
 
 // the rows of the curves of a pane, or of the panes into which it is split: each column has one precision
-function paneRows(entries, cursors, row) {
+function paneRows(entries, cursors, row, mixed) {
   const [from, to] = summarized(), { unit } = entries[0].line.pane;
   const step = resolution(entries), differ = new Set(entries.map(({ line }) => SEEDS.exec(line.label)?.[0])).size > 1;
   const columns = [...[...cursors, ...STATISTICS.map(([name]) => name)].map((name) => [name, step]), ["slope", 10 * step / (to - from)], ["rate", 0]];
   const texts = columns.map(([name, own]) => columnTexts(entries.map((each) => each[name]), own));
   entries.forEach(({ line, count, thinned, ranges }, k) => {
-    if (line.pane !== entries[k - 1]?.line.pane) row([`${line.pane.title}${unit ? ` [${unit}]` : ""}`], "th").firstChild.colSpan = 4;
+    if (line.pane !== entries[k - 1]?.line.pane) row([`${line.pane.title}${unit ? ` [${unit}]` : ""}`, ...Array(columns.length - 5).fill(""), mixed ? slopeUnit(unit) : "", ""], "th").firstChild.colSpan = 4;
     const made = row(["", ...texts.map((column) => column[k])]);
     made.firstChild.append(swatch(line), differ ? line.label : line.label.replace(SEEDS, ""), element("small", partOf(line, count)));
     for (const [name, [low, high]] of Object.entries(ranges ?? {})) made.cells[1 + columns.findIndex(([own]) => own === name)].title = `seeds: ${digits(low)} to ${digits(high)}`;
@@ -127,7 +135,7 @@ function resolution(entries) {
 // numbers with the digits of a step, all as powers of ten if they are very large or small; without a step: four significant digits
 function columnTexts(values, step) {
   const sizes = values.filter((value) => Number.isFinite(value) && value !== 0).map(Math.abs), largest = Math.max(...sizes, 0), decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-  const text = !(step > 0) ? (value) => number(value, 0) : largest >= 1e7 || (largest && largest < 1e-5) ? (value) => value.toExponential(3).replace("e+", "e") : (value) => (Math.round(value * 10 ** decimals) === 0 ? 0 : value).toFixed(Math.min(decimals, 12));
+  const text = !(step > 0) ? (value) => number(value, 0) : largest >= 1e7 || (largest > step / 2 && largest < 1e-5) ? (value) => value.toExponential(3).replace("e+", "e") : (value) => (Math.round(value * 10 ** decimals) === 0 ? 0 : value).toFixed(Math.min(decimals, 12));
   return values.map((value) => (value === 0 ? "0" : Number.isFinite(value) ? text(value) : "–"));
 }
 
@@ -159,7 +167,7 @@ function expectations() {
     badges.append(...(several ? about.runs.flatMap(({ letter: run }, r) => { const each = element("span", `${run} `); each.append(badge(own.find((other) => other.run === r)?.verdict ?? "absent")); return [each, " "]; }) : [badge(one.verdict)]));
     const small = detailsOf(several ? own.filter(({ verdict }) => verdict === "fail") : own);
     found.title = detailsOf(own);
-    label.append(element("b", one.name), " ", element("small", small === one.name ? "" : small));
+    label.append(element("b", one.name), " ", element("small", small === one.name ? "" : small), absent(one));
     found.append(badges, label);
     found.classList.toggle("bad", one.verdict === "fail");
     return found;
@@ -182,6 +190,9 @@ function expectations() {
   box.querySelector("div").replaceChildren(...problem.map((text) => element("p", text, { className: "twin-soft" })), ...folds);
 }
 
+// a page of one file need not have the signal of a requirement or a metric
+const absent = ({ signal }) => (signal && !nameInPage(signal) ? element("small", " (signal not in this page)") : "");
+
 const referenced = (own) => own.flatMap(({ rows }) => rows).filter((row) => row.reference !== null), compared = (own) => referenced(own).filter(({ verdict }) => verdict === "pass" || verdict === "fail");
 
 // when a run ended [s]
@@ -199,7 +210,9 @@ function metrics() {
   })}`;
   box.querySelector("div").replaceChildren(...byName(about.metrics, ({ name, unit }) => `${name} ${unit}`).map((own) => {
     const [one] = own, found = element("div", "", { className: "metric" }), table = element("table", ""), reference = referenced(own).length > 0;
-    found.append(button(`${one.description || one.name}${one.unit ? ` [${one.unit}]` : ""}`, () => goTo({ ...one, metric: one.name, spans: {} }), { className: "name", title: `${one.name}: ${one.definition}`, disabled: !one.signal || !nameInPage(one.signal) }), table);
+    const name = button(`${one.description || one.name}${one.unit ? ` [${one.unit}]` : ""}`, () => goTo({ ...one, metric: one.name, spans: {} }), { className: "name", title: `${one.name}: ${one.definition}`, disabled: !one.signal || !nameInPage(one.signal) });
+    name.append(" ", absent(one));
+    found.append(name, table);
     const head = table.insertRow(), titles = [...(several ? about.runs.map((run) => run.letter) : reference ? ["twin"] : []), ...(isPair ? ["B − A"] : []), ...(reference ? ["paper"] : []), ...(reference && !several ? [compared(own).length ? one.tolerance ?? "" : ""] : [])];
     if (titles.length) ["", ...titles].forEach((text) => head.append(element("th", text)));
     if (several && one.end === null && new Set(own.map(({ run }) => endOf(run))).size > 1) about.runs.forEach((_, r) => head.cells[r + 1].append(element("small", `to ${digits(endOf(r))} s`)));
@@ -218,7 +231,7 @@ function metrics() {
       });
       if (isPair) made.insertCell().textContent = rows[1]?.change || "–";
       if (reference) made.insertCell().textContent = rows.find((row) => row?.reference)?.reference ?? "";
-      if (!several) made.insertCell().append(badge(rows[0].verdict));
+      if (!several) made.insertCell().append(rows[0].reference !== null && !VERDICTS[rows[0].verdict] ? element("small", "not judged") : badge(rows[0].verdict));
     }
     return found;
   }));
@@ -230,7 +243,7 @@ function goTo(one) {
   const paneOf = (name) => state.panes.find((each) => each.kind === "time" && (!variants || String(each.variants) === String(variants)) && each.items.some((item) => item.minus === null && [item.signal, heads.get(item.signal)?.key].includes(name)));
   const panes = judgedSignals(one).map((name) => paneOf(name) ?? pane([name], { variants }));
   state.panes.splice(state.panes.indexOf(panes[0]) + 1, 0, ...panes.filter((own) => !state.panes.includes(own)));
-  for (const own of state.panes) own.metric = own === panes.at(-1) ? one.metric : undefined;
+  for (const own of state.panes) Object.assign(own, { metric: own === panes.at(-1) ? one.metric : undefined, requirement: !one.metric && panes.includes(own) ? one.name : undefined });
   if (variants && !state.cases.some((k) => about.cases[k].run === one.run && variants.includes(about.cases[k].variant)))
     state.cases = [...state.cases, ...about.cases.flatMap((each, k) => (each.run === one.run && variants.includes(each.variant) ? [k] : []))];
   const bad = Object.keys(one.spans).map(Number), [low, high] = extentOf(), move = state.offsets[one.run];

@@ -1,4 +1,4 @@
-"""Expectations with failed spans, events and plots of a run, from its scenario; components need not be installed."""
+"""Expectations with failed spans and plots of a run, from its scenario; components need not be installed."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import ast
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from twin import clock
 from twin.errors import ScenarioError, TwinError, UnknownNameError
@@ -23,14 +25,13 @@ from twin.results import (
     source_analyses,
     trace_to_inputs,
 )
-from twin.run import event_rows
 from twin.scenario import lint
 from twin.viewer import following
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from twin.results import EventLine, Expectation, Expression, Metric, Plot, Violation
+    from twin.results import Expectation, Expression, Metric, Plot, Violation
     from twin.scenario import ScenarioSpec
     from twin.viewer.page_data import MetricOfRun
     from twin.viewer.runs import OpenRun
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     Key = tuple[str, int]
 
 LEVELS = ("mean", "min", "max", "final", "rms")  # reductions whose value can be drawn in the plot of the signal
-REPEAT_INTERVAL = 0.2  # longest time between merged settings of one variable [s]
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class ExpectationView:
 
 
 class Verdicts:
-    """Expectations, events and plots of a run. `problem`: why there are none."""
+    """Expectations and plots of a run. `problem`: why there are none."""
 
     def __init__(self, viewed: OpenRun) -> None:
         self.viewed = viewed
@@ -111,8 +111,10 @@ class Verdicts:
         )  # of an operator's session, whose own requirements come last
         own = len(operation.get("warnings", ())) + ("targets" in operation)
         outcomes, added = outcomes[: len(outcomes) - own], outcomes[len(outcomes) - own :]
-        if len(wanted) != len(outcomes):  # another version of the scenario
-            return [ExpectationView(each["name"], each["verdict"], each["detail"]) for each in (*outcomes, *added)]
+        warnings = [*(None,) * ("targets" in operation), *operation.get("warnings", ())]
+        of_session = [self._of_session(*pair) for pair in zip(added, warnings, strict=True)]
+        if len(wanted) != len(outcomes):  # another version of the scenario, or that of an operator's commands
+            return [*(ExpectationView(each["name"], each["verdict"], each["detail"]) for each in outcomes), *of_session]
         bad = [
             expectation for expectation, outcome in zip(wanted, outcomes, strict=True) if outcome["verdict"] == "fail"
         ]
@@ -121,7 +123,7 @@ class Verdicts:
             self._judged(expectation, outcome, next(failures) if outcome["verdict"] == "fail" else None)
             for expectation, outcome in zip(wanted, outcomes, strict=True)
         ]
-        return [*judged, *(ExpectationView(each["name"], each["verdict"], each["detail"]) for each in added)]
+        return [*judged, *of_session]
 
     def metrics(self, compared: Mapping[tuple[str, str], MetricOfRun]) -> list[dict[str, Any]]:
         """Return the metrics by name and variant with their values as texts, and the signal and window of each."""
@@ -177,6 +179,21 @@ class Verdicts:
             min((own[0][0] for own in spans.values() if expectation.signal), default=None),
             tuple(ast.unparse(own.signal.tree) for own in inputs),
         )
+
+    def _of_session(self, outcome: Mapping[str, Any], warning: Mapping[str, Any] | None) -> ExpectationView:
+        """Return a requirement of an operator's session; one of a warning has its limit, and when it was shown."""
+        summary = (outcome["name"], outcome["verdict"], outcome["detail"])
+        if warning is None or not self._has(signal := expression.parse(warning["signal"])):
+            return ExpectationView(*summary)
+        factor, offset = si_conversion(warning["unit"], is_difference=False)
+        high = self._shown(signal, factor * warning["limit"] + offset) or 0.0
+        case = next(iter(self.viewed.recording.cases))  # a session has one
+        samples = self.viewed.samples(case, signal.text)
+        values = samples.shown(samples.y)
+        is_outside = (np.abs(values) if high > 0.0 else values) > high
+        spans = {case: consecutive_spans(samples.time, is_outside)} if is_outside.any() else {}
+        low = -high if high > 0.0 and values.min(initial=0.0) < 0.0 else None
+        return ExpectationView(*summary, ast.unparse(signal.tree), low, high, spans=spans)
 
     def _inputs(self, failure: Violation) -> list[Violation]:
         """Return where a failed metric of an analysis comes from, as the report does: its worst window of each recorded input."""
@@ -260,14 +277,6 @@ class Verdicts:
                 spans[case] = consecutive_spans(time, failure.violating_samples(case, time, value))
         return spans
 
-    def events(self) -> list[dict[str, Any]]:
-        """Return the events and faults of the scenario."""
-        if self.scenario is None:
-            return []
-        return merge_repeated(
-            [row.annotation for row in event_rows(self.scenario.variants, self.viewed.summary.get("conditions", ()))]
-        )
-
     def plots(self) -> list[dict[str, Any]]:
         """Return the scenario's plots with recorded signals; of a followed rig its own plots."""
         if following.is_followed(self.viewed):
@@ -299,7 +308,8 @@ class Verdicts:
             "variants": list(plot.variants),
             "bands": {},
             "fan": "",
-            "first": False,
+            "first": self.scenario is not None
+            and len(self.scenario.console) > 0,  # titles and labels as in the console
             "range": None,
         }
 
@@ -328,23 +338,6 @@ def metric_result(metric: Metric, variant: str, figures: Mapping[str, Any]) -> M
 
     values = {int(seed): to_si(value) for seed, value in figures["values"].items()}
     return MetricResult(metric, variant, values, to_si(figures["paper"]), figures["verdict"])
-
-
-def merge_repeated(marks: Iterable[EventLine]) -> list[dict[str, Any]]:
-    """Return events for a page; rapidly repeated settings, e.g. by a joystick, become one with a count."""
-    merged: list[dict[str, Any]] = []
-    last: dict[tuple[str, tuple[str, ...]], tuple[dict[str, Any], float, int]] = {}
-    for mark in marks:
-        name = mark.name.removeprefix("set ")
-        key = (name.partition(" =")[0], mark.variants)
-        if key in last and mark.time - last[key][1] < REPEAT_INTERVAL:
-            entry, _, count = last[key]
-            entry["name"] = f"{key[0]}, {count + 1} times until {mark.time:g} s"
-            last[key] = entry, mark.time, count + 1
-            continue
-        merged.append({"time": mark.time, "name": name, "variants": list(mark.variants)})
-        last[key] = merged[-1], mark.time, 1
-    return merged
 
 
 def seconds(window: Window) -> tuple[float | None, float | None]:

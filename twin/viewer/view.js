@@ -77,7 +77,10 @@ class Panes extends Chart {
     const line = super.legend(one, index), isUnfolded = this.unfolded.has(one.place);
     line.classList.toggle("unfolded", isUnfolded);
     line.append(button(isUnfolded ? "less" : `all ${one.curves.length}`, () => { if (!this.unfolded.delete(one.place)) this.unfolded.add(one.place); show(); }, { className: "more", title: isUnfolded ? "Show some of the names" : "Show all names" }));
-    if (one.hidden?.length) line.append(button(`${state.panes[one.place].plot ? "not in this plot" : "not judged here"}: ${one.hidden.join("; ")}`, () => { delete state.panes[one.place].variants; show(); }, { className: "hidden", title: "Show these variants, too" }));
+    if (one.hidden?.length) {
+      const names = one.hidden.join("; "), why = state.panes[one.place].plot ? "not in this plot" : "not judged here", isShort = this.panes.length > 2 && one.hidden.length > 1;
+      line.append(button(isShort ? `${one.hidden.length} variants ${why}` : `${why}: ${names}`, () => { delete state.panes[one.place].variants; show(); }, { className: "hidden", title: `Show ${names}, too` }));
+    }
     const level = one.limits?.find(({ name }) => name);
     if (level) line.append(element("span", `dashed: ${level.name} of each curve`, { className: "hidden" }));
     if (one.violations?.length) line.append(element("span", `red: fails ${one.violations.join("; ")}`, { className: "violations" }));
@@ -116,6 +119,7 @@ class Panes extends Chart {
 function show() {
   document.querySelectorAll("[aria-invalid=true]").forEach((input) => refuse(input, ""));
   const panes = laid();
+  makeRoom();
   find("chart").style.setProperty("--panes", Math.max(panes.length, 1));
   find("chart").style.setProperty("--least", panes.length > 2 ? "11vh" : "13vh"); // three panes are seen together
   chart.window = state.window;
@@ -139,10 +143,10 @@ function announce(count) {
 
 function marks() {
   const cases = state.cases.map((k) => about.cases[k]), found = new Map();
-  for (const { run, time, name, variants } of about.events) {
+  for (const { run, time, name, variants, first } of about.events) {
     if (cases.some((one) => one.run === run && (!variants.length || variants.includes(one.variant)))) {
       const at = time + state.offsets[run];
-      found.set(`${at} ${name}`, { at, text: name });
+      found.set(`${at} ${name}`, { at, text: name, ...(first && { first }) });
     }
   }
   return [...found.values()].sort((a, b) => a.at - b.at);
@@ -221,8 +225,16 @@ function begin() {
   document.addEventListener("click", (event) => closeMenus(event.target));
   document.querySelectorAll(".splitter").forEach(splits);
   show();
-  play.unfolds = shown.length > 2 && innerWidth > NARROW && innerHeight > LOW && !about.growing; // the scene, of which three panes need the room
-  if (play.unfolds) find("scene").open = false;
+  new ResizeObserver(() => { find("stage").style.scrollPaddingTop = `${find("scene").open && innerWidth > NARROW ? find("scene").offsetHeight + 8 : 0}px`; }).observe(find("scene")); // it stays in view
+}
+
+// three panes need the room of the scene: it is folded, and opens when it plays or when there are fewer panes
+function makeRoom() {
+  const isFull = shown.length > 2 && innerWidth > NARROW && innerHeight > LOW && !about.growing, scene = find("scene");
+  if (isFull && !makeRoom.wasFull && scene.open && !playing) { scene.open = false; play.unfolds = true; }
+  if (!isFull && play.unfolds) { scene.open = true; play.unfolds = false; }
+  makeRoom.wasFull = isFull;
+  find("stage").classList.toggle("full", isFull);
 }
 
 function closeMenus(but) {

@@ -5,7 +5,7 @@
 //            x: {label, unit}, spans: [{from, to, text}], reach: [first, last], case: [variant, seed], range: [low, high], home, extent: [low, high], shared: [y], domain: [low, high], limits: [{y, from, to, failed, warns}]}]
 //           `ending`: of all labels, whose rest is `short`. `weight`: height relative to other panes. `own`: over its own x instead of time (x-y, spectra). log: "", "x", "y", "xy"
 //           `range`: of the vertical axis, and `domain`: of its own x, to which a user has zoomed; `home`: the range without zoom (default: `range`); `extent`: of the curves of all panes with this axis, `shared`: their violated limits
-//           `reach`: times of the curves' ends; marks (of the pane's variant) and the time cursor are drawn in between only. marks: [{at, text, variants}]
+//           `reach`: times of the curves' ends; marks (of the pane's variant) and the time cursor are drawn in between only. marks: [{at, text, variants, first}]
 //           of a curve, other curves of the source: `faint`, drawn faintly behind it; `low` and `high`, with a filled area between them
 //   source: async ({names, from, to, span, points}) -> {from, to, last, curves: [{x, y, t, count}]}; t: times of the points of an x-y plot; count: samples in the window, of which `x` may have the extremes alone; span: length of the last seconds
 //   notify: (event, detail): "window" {from, to, follow, span, all}, "cursors" {a, b}, "time" {at}, "drop" {name, pane}, "remove" {name, pane},

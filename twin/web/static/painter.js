@@ -224,11 +224,13 @@ function drawInstants(chart, context, pane, box) {
       context.beginPath(); context.arc(x, y, color ? 4 : 3, 0, 7); context.fill();
       if (color) context.stroke();
       if (!letter) return;
-      const text = pane.curves.length > 1 ? `${letter} ${curve.short ?? curve.label}` : letter, right = x + 6 + context.measureText(text).width;
-      let level = y - 4; // below the names that would cover it
-      while (names.some((other) => Math.abs(other.level - level) < 11 && x < other.right && other.x < right)) level += 11;
-      names.push({ x, right, level });
-      context.fillText(text, x + 6, level);
+      // the color says which curve: right of its point and above it, else left or below, inside the pane and beside other names
+      const wide = context.measureText(letter).width, lefts = [x + 6, x - 6 - wide].filter((left) => left >= LEFT && left + wide <= chart.width - RIGHT);
+      const free = [-4, 15, -15, 26].map((by) => y + by).filter((level) => level - 11 >= box.top && level <= box.top + box.height).flatMap((level) => lefts.map((left) => ({ left, level })));
+      const at = free.find(({ left, level }) => !names.some((other) => Math.abs(other.level - level) < 11 && Math.abs(other.left - left) < wide + 2));
+      if (!at) return; // another one is where this would be
+      names.push(at);
+      context.fillText(letter, at.left, at.level);
     });
   }
 }
@@ -247,20 +249,20 @@ function drawHover(chart, context, pane, box) {
   }
 }
 
-// names of the marks, in one line below the last pane; a name that would cover the one before is left out
+// names of the marks, in one line below the last pane, those that are `first` before others; a name that would cover another is left out
 function drawStrip(chart, context, box) {
   const y = box.top + box.height + BOTTOM;
   context.font = "11px system-ui, sans-serif"; context.textBaseline = "top"; context.textAlign = "left";
   context.fillStyle = chart.colors.accent;
-  let end = 0;
-  for (const mark of chart.marks) {
+  const taken = [];
+  for (const mark of [...chart.marks].sort((a, b) => !!b.first - !!a.first)) {
     const at = box.across(mark.at);
     if (!(at >= LEFT && at <= chart.width - RIGHT)) continue;
-    context.fillRect(at - 1, y, 2, 10);
-    const text = mark.text || "", wide = context.measureText(text).width, left = Math.min(at + 4, chart.width - RIGHT - wide);
-    if (left < end) continue;
+    context.fillRect(at - 1, y - 7, 2, 6); // above the names, which it would cross
+    const text = mark.text || "", wide = context.measureText(text).width, left = Math.min(at - 1, chart.width - RIGHT - wide);
+    if (taken.some(([from, to]) => left < to && left + wide + 8 > from)) continue;
     context.fillText(text, left, y);
-    end = left + wide + 8;
+    taken.push([left, left + wide + 8]);
   }
 }
 
