@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hw_bridge.command.bench.motion import EXPIRED, READY
+from hw_bridge.command.bench.single_axis import NOT_HOMED
 from hw_bridge.command.commissioning_steps import FILE_INDEPENDENT
 from hw_bridge.command.live_motion import LiveMotion
 from hw_bridge.command.progress import STOPPED, StepProgress, outcome
@@ -45,7 +46,6 @@ SHOWN = 100_000  # characters of what a command prints
 HISTORY_LENGTH = 50  # commands that are listed
 END_TIMEOUT = 15.0  # of a command after Ctrl-C: its stop, and restoration of the drive [s]
 READS = frozenset({"scan", "status", "dump", "compare", "check"})  # beside a session and other programs too
-OF_A_FILE = frozenset({"check", "reset"})  # their first argument is the hardware file
 HOME = "home"
 HOMED_AT = re.compile(r"(\S+ \S+) from reference")
 IDENTITY = re.compile(r"node (\d+)(?: \([^)]*\))?: (?:(?!node \d).)*?serial ([0-9A-F]+)h")  # in what a command prints
@@ -115,7 +115,7 @@ class Typed:
     def position(self, node: str) -> float | None:
         """Position of a drive from its reference as last read [m or rad], infinite if it is not homed, None if unknown."""
         text = next((value for title, value in self.watch.rows.get(node, []) if title.startswith("6064h")), "")
-        if self.keys.simulated or self.axes[node].keys.homing is None or text.endswith("not homed"):
+        if self.keys.simulated or self.axes[node].keys.homing is None or text.endswith(NOT_HOMED):
             return math.inf
         match = HOMED_AT.match(text)
         return self.axes[node].si(match[1], "position") if match else None
@@ -211,7 +211,7 @@ class Typed:
                     f"{self.file}: {keys.interface} {keys.channel} may move real drives, and this console was not armed. "
                     f"End it, and start it with --arm."
                 )
-            words = [word, str(self.file), node] if word in OF_A_FILE else [word, node, "-f", str(self.file)]
+            words = [word, node, "-f", str(self.file)]
             words = [*filter(None, words), *options, *(["--arm"] if word in MOVES and self.console.arm else [])]
             self.watch.pause()
             if self._stop_count != stop_count:

@@ -204,7 +204,7 @@ def test_buttons_begin_commands(typed, build, monkeypatch):
 
 def test_the_numbers_of_the_steps_say_what_has_become_of_them(typed, build):
     runner = typed()
-    check, scan = f"twin hil check {runner.file}", f"twin hil scan -f {runner.file}"
+    check, scan = f"twin hil check -f {runner.file}", f"twin hil scan -f {runner.file}"
     runner.progress.record(scan, "", Outcome.DONE)
     runner.progress.record(check, "", Outcome.FAILED)
     runner.line, runner.running = f"twin hil status axis -f {runner.file}", True

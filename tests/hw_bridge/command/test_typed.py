@@ -151,7 +151,7 @@ def test_a_changed_eds_file_opens_the_steps(make, tmp_path):
     typed = make(REAL.replace("faulhaber_v3", "faulhaber_v3, eds: axis.eds, units: {acceleration: 1 mm/s^2}"))
     typed.watch.is_wanted = False
     (check,) = (step for step in STEPS if step.word == "check")
-    typed.progress.record(f"twin hil check {typed.file}", "", Outcome.DONE)
+    typed.progress.record(f"twin hil check -f {typed.file}", "", Outcome.DONE)
     assert not typed.reload()
     assert typed.progress.time_of(check, "") is not None
     (tmp_path / "axis.eds").write_text(eds.export(profile("faulhaber_v3")) + "\n; another revision\n")
