@@ -28,6 +28,7 @@ from twin.errors import TwinError
 
 if TYPE_CHECKING:
     from nicegui.element import Element
+    from nicegui.elements.mixins.value_element import ValueElement
     from nicegui.events import ValueChangeEventArguments
 
     from hw_bridge.commission import Axis
@@ -40,7 +41,13 @@ LOOKS = {  # of a step's number, by what has become of it
     "done": "icon=check done-icon=check color=positive done-color=positive",
     "failed": "icon=close error error-icon=close error-color=negative",
     "stopped": "icon=stop error error-icon=stop error-color=warning",
+    "skipped": "icon=priority_high error error-icon=priority_high error-color=warning",
 }
+GATES = frozenset(step.after for step in STEPS if step.after)  # commands that others wait for
+SKIPPED = (
+    "{name}: not done with this drive and hardware file: step {steps}. If the encoder or `inverted` is wrong, the drive moves "
+    "the wrong way, to an end stop. Skip these steps only if this drive was commissioned before with this file."
+)
 FILE_PERIOD = 1.0  # between looks at the hardware file [s]
 SIMULATED = (
     "Each command starts new simulated drives: positions count from 0 again, and nothing stays set. "
@@ -189,11 +196,7 @@ def drive(page: Page, drive_axis: Axis) -> None:
     ui.label(limits_text(drive_axis)).classes("twin-soft")
     notice = ui.label("").classes("twin-state twin-warn").props("role=alert")
 
-    def change(event: ValueChangeEventArguments[Any]) -> None:
-        (page.commissioned.add if event.value else page.commissioned.discard)(name)
-        page.update()
-
-    ui.switch("commissioned before: steps in any order", on_change=change).props("dense")
+    order_switch(page, name)
 
     def is_done(command_step: Step) -> bool:
         return page.is_done(command_step, name)
@@ -229,6 +232,7 @@ def drive(page: Page, drive_axis: Axis) -> None:
             for other in LOOKS.values():
                 item.props(remove=other)
             item.props(LOOKS[look])
+            item.classes(add="twin-running" if item.props["caption"] == "running" else "", remove="twin-running")
             item.props(f"prefix={number}" if look == "open" else "", remove="" if look == "open" else "prefix")
             if look == "done" and command_step.title not in done_before and stepper.value == command_step.title:
                 stepper.value = (
@@ -238,6 +242,38 @@ def drive(page: Page, drive_axis: Axis) -> None:
         done_before.update(each.title for each in STEPS if is_done(each))
 
     page.updates.append(mark)
+
+
+def order_switch(page: Page, name: str) -> None:
+    """Switch that lifts the order of a drive's steps."""
+    from nicegui import ui
+
+    switch = ui.switch("commissioned before: steps in any order").props("dense")
+    switch.on_value_change(lambda event: change_order(page, name, switch, event.value))
+
+
+async def change_order(page: Page, name: str, switch: ValueElement[bool], is_lifted: bool) -> None:
+    """Lift the order of a drive's steps, after a question that names those that are skipped, or restore it."""
+    skipped = steps.missing_steps(STEPS[-1], lambda each: page.is_done(each, name)) if is_lifted else {}
+    if skipped and not await confirm(SKIPPED.format(name=name, steps=", ".join(skipped.values()))):
+        switch.value = False
+        return
+    (page.commissioned.add if is_lifted else page.commissioned.discard)(name)
+    page.update()
+
+
+async def confirm(question: str) -> bool:
+    """Ask whether steps may be skipped."""
+    from nicegui import ui
+
+    with ui.dialog().props("persistent") as dialog, ui.card():
+        ui.label(question).classes("twin-state twin-warn")
+        with ui.row():
+            ui.button("Keep the order", on_click=lambda: dialog.submit(False)).props("no-caps outline")
+            ui.button("Skip these steps", on_click=lambda: dialog.submit(True)).props("no-caps flat color=warning")
+    answer = bool(await dialog)
+    dialog.delete()
+    return answer
 
 
 def limits_text(drive_axis: Axis) -> str:
@@ -264,6 +300,8 @@ def step_state(page: Page, command_step: Step, drive_axis: Axis) -> tuple[str, s
         return look, "failed" if look == "failed" else "not complete"
     if look == "open" and (other := steps.alternative(command_step, lambda each: page.is_done(each, name))):
         return look, f"skipped: {other.title} is done"
+    if look == "open" and name in page.commissioned and command_step.word in GATES:
+        return "skipped", "skipped: not checked"
     return look, (
         command_step.caption if done_at is None else time.strftime("done %Y-%m-%d %H:%M", time.localtime(done_at))
     )
@@ -357,8 +395,12 @@ def step_button(
     )
     button.props("dense no-caps outline")
     reason = ui.label("").classes("twin-soft")
+    caution = ui.label("").classes("twin-state twin-warn")
 
     def update() -> None:
+        is_skipping = name in page.commissioned
+        caution.text = steps.caution(command_step, lambda each: page.is_done(each, name)) if is_skipping else ""
+        caution.visible = bool(caution.text)
         reason.text = refusal(page, command_step, name, values, drive_axis)
         reason.visible = bool(reason.text)
         is_wrong = drive_axis is not None and any(

@@ -46,6 +46,7 @@ SHOWN = 100_000  # characters of what a command prints
 HISTORY_LENGTH = 50  # commands that are listed
 END_TIMEOUT = 15.0  # of a command after Ctrl-C: its stop, and restoration of the drive [s]
 READS = frozenset({"scan", "status", "dump", "compare", "check"})  # beside a session and other programs too
+LATE, LATE_SHOWN = 0.2, 5.0  # an answer of the page that is so old is late, and is shown for so long [s]
 HOME = "home"
 HOMED_AT = re.compile(r"(\S+ \S+) from reference")
 IDENTITY = re.compile(r"node (\d+)(?: \([^)]*\))?: (?:(?!node \d).)*?serial ([0-9A-F]+)h")  # in what a command prints
@@ -80,6 +81,7 @@ class Typed:
         self._page: Channel | None = None
         self._listener: threading.Thread | None = None
         self._held = (0.0, -math.inf)  # how far, renewed when
+        self._late = (0.0, -math.inf)  # age of an answer of the page, and when it came
         self._lock = threading.Lock()
         self._stop_count = 0
 
@@ -98,8 +100,15 @@ class Typed:
 
     @property
     def controls(self) -> tuple[str, ...]:
-        """The button of a jog, once the drive is ready."""
-        return (f"jog {self.node}",) if self.word == "jog" and self.running and READY in self.text else ()
+        """The button of a jog, while the drive has said so and reports Operation enabled."""
+        is_ready = self.word == "jog" and self.running and READY in self.text and self.motion.state == State.ENABLED
+        return (f"jog {self.node}",) if is_ready else ()
+
+    @property
+    def lateness(self) -> float:
+        """Greatest age of a recent answer of the operator's page [s]; 0 if none was late."""
+        age, at = self._late
+        return age if time.monotonic() - at < LATE_SHOWN else 0.0
 
     @property
     def has_expired(self) -> bool:
@@ -320,6 +329,8 @@ class Typed:
 
     def here(self, age: float) -> None:
         """Renew the presence of the operator's page."""
+        if age > max(LATE, self.lateness):
+            self._late = age, time.monotonic()
         self._send_to_command(here=time.monotonic() - age)
 
     def release_hold(self) -> None:

@@ -34,9 +34,9 @@ LIVE_VALUES = re.compile(  # what `show_live` prints for a page
     r"(?P<mark>[<> ]) position +(?P<position>\S+) (?P<unit>\S+) (?P<origin>[a-z ]+), velocity +(?P<velocity>\S+ \S+), "
     r"current +(?P<current>\S+) A, (?P<state>.+?)   "
 )
-AFTER_STOP = re.compile(  # the lines of `after_stop` in text without line breaks, each but the first behind a blank
-    r"(?:^| )(?=\S+: (?:power is off|last state) |Next(?:, [a-z ]+)?: twin |Then: twin )"
-)
+# state and commands of `after_stop` as they are printed
+STATE_AFTER_STOP = re.compile(r"^ *\S+: ((?:power is off|last state) .*?)\n *Next", re.MULTILINE | re.DOTALL)
+COMMAND_AFTER_STOP = re.compile(r"^ *((?:Next|Then)[^:\n]*:)\s+(twin [^\n]*)$", re.MULTILINE)
 
 
 def attach_page_watchdog(context: click.Context, _option: click.Parameter, end: int | None) -> None:
@@ -231,12 +231,22 @@ def reported_end(
         if page_watchdog() is not None or session.next_line:
             say()  # the error does not overwrite the last live values
         text = REFERENCE_VALID if save_reference(session, reference, was_homed) else lost
-        raise SimulationError("\n  ".join((str(error), *after_stop(bus, session, text)))) from error
+        state, *commands = after_stop(bus, session, text) or [""]
+        lines = [
+            f"{label}: {unbroken('twin ' + line)}"
+            for label, _, line in (line.partition(": twin ") for line in commands)
+        ]
+        raise SimulationError("\n  ".join(filter(None, (str(error), state, *lines)))) from error
     finally:
         for text in session.master.recovered:
             paragraph(text)
         for note in session.master.notes:
             paragraph(bus.complete(f"warning: {note}"))
+
+
+def unbroken(line: str) -> str:
+    """A command that an error message does not wrap: it stays on one line, to be copied."""
+    return line.replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def say_origin(axis: Axis, origin: str | None, problem: str, here: float, was_recorded: bool) -> None:

@@ -61,7 +61,7 @@ def make(tmp_path, monkeypatch):
     ("word", "node", "given", "words", "attended"),
     [
         ("scan", "", (), ["scan", "-f", "FILE"], False),
-        ("reset", "axis", (), ["reset", "FILE", "axis"], False),
+        ("reset", "axis", (), ["reset", "axis", "-f", "FILE"], False),
         ("move", "axis", ["--by=1 mm"], ["move", "axis", "-f", "FILE", "--by=1 mm"], True),
     ],
 )
@@ -228,6 +228,8 @@ def test_the_button_of_a_jog(make, monkeypatch):
     typed.hold("jog axis", 1.0, 7, 0.02)
     assert typed.sent == []
     typed.text = f"axis: {READY}"
+    assert typed.controls == ()  # the drive has not reported Operation enabled, or not any more
+    typed.motion.state = "Operation enabled"
     assert typed.controls == ("jog axis",)
     typed.hold("jog other", 1.0, 7, 0.02)
     typed.hold("jog axis", -0.5, 7, 0.02)
@@ -246,6 +248,14 @@ def test_the_button_of_a_jog(make, monkeypatch):
     typed.end()
     assert typed.held == {}
     assert typed.sent == [{"release_hold": True}, {"end": True}]
+    assert typed.lateness == 0.0
+    for age in (0.45, 0.3):
+        typed.here(age)
+    assert typed.lateness == 0.45
+    now[0] += 6.0
+    assert typed.lateness == 0.0
+    typed.motion.state = "Switch on disabled"
+    assert typed.controls == ()
     typed.running = False
     assert (typed.controls, typed.attended, typed.busy) == ((), False, "")
 
