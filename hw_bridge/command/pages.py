@@ -44,9 +44,10 @@ LOOKS = {  # of a step's number, by what has become of it
     "skipped": "icon=priority_high error error-icon=priority_high error-color=warning",
 }
 GATES = frozenset(step.after for step in STEPS if step.after)  # commands that others wait for
-SKIPPED = (
-    "{name}: not done with this drive and hardware file: step {steps}. If the encoder or `inverted` is wrong, the drive moves "
-    "the wrong way, to an end stop. Skip these steps only if this drive was commissioned before with this file."
+SKIPPED = "{name}: not done with this drive and hardware file: step {steps}."
+RISK = (
+    "If the encoder or “inverted” of the file is wrong, the drive moves the wrong way, to an end stop.",
+    "Skip these steps only if this drive was commissioned before with this file.",
 )
 FILE_PERIOD = 1.0  # between looks at the hardware file [s]
 SIMULATED = (
@@ -255,19 +256,21 @@ def order_switch(page: Page, name: str) -> None:
 async def change_order(page: Page, name: str, switch: ValueElement[bool], is_lifted: bool) -> None:
     """Lift the order of a drive's steps, after a question that names those that are skipped, or restore it."""
     skipped = steps.missing_steps(STEPS[-1], lambda each: page.is_done(each, name)) if is_lifted else {}
-    if skipped and not await confirm(SKIPPED.format(name=name, steps=", ".join(skipped.values()))):
+    if skipped and not await confirm([SKIPPED.format(name=name, steps=", ".join(skipped.values())), *RISK]):
         switch.value = False
         return
     (page.commissioned.add if is_lifted else page.commissioned.discard)(name)
     page.update()
 
 
-async def confirm(question: str) -> bool:
+async def confirm(lines: list[str]) -> bool:
     """Ask whether steps may be skipped."""
     from nicegui import ui
 
     with ui.dialog().props("persistent") as dialog, ui.card():
-        ui.label(question).classes("twin-state twin-warn")
+        with ui.column().classes("twin-result twin-warn gap-1"):
+            for line in lines:
+                ui.label(line)
         with ui.row():
             ui.button("Keep the order", on_click=lambda: dialog.submit(False)).props("no-caps outline")
             ui.button("Skip these steps", on_click=lambda: dialog.submit(True)).props("no-caps flat color=warning")

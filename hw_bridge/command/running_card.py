@@ -52,7 +52,8 @@ BEFORE_POWER = (
 )
 UNREPORTED = "It did not report the state of the drive: run status."
 NEVER_STARTED = ("stopped before power", "interrupted before it began")  # in the output of a command that was stopped
-CLOSE_PAGES = "Close other pages and programs, or copy the command above and run it in a terminal, which needs no page."
+CLOSE_PAGES = "Close other pages and programs, or copy the command above into a terminal, which needs no page."
+TABLE_ROW = re.compile(r"  (?!\d+\.  |position ).*\S  +\S|  -{9}")
 EXPIRED = (
     f"Stopped by the dead-man switch: this page answered later than {HOLD // 10**6} ms. "
     "Release the button, then hold it again."
@@ -328,11 +329,12 @@ def result(typed: Typed) -> tuple[str, str]:
 
 
 def lines_after_stop(text: str) -> list[str]:
-    """State and position in which a command has left its drive, then the next commands, a line each; none without a stop."""
+    """State and position in which a command has left its drive, then a line with the next steps; none without a stop."""
     if not (state := STATE_AFTER_STOP.search(text)):
         return []
     first = " ".join(state[1].split())
-    return [f"{first[0].upper()}{first[1:]}", *(f"{label} {line}" for label, line in COMMAND_AFTER_STOP.findall(text))]
+    commands = COMMAND_AFTER_STOP.findall(text)
+    return [f"{first[0].upper()}{first[1:]}", f"{commands[0][0]} {', then '.join(word for _, word in commands)}."]
 
 
 def labeled(text: str, label: str) -> list[str]:
@@ -347,8 +349,17 @@ def parts(typed: Typed) -> tuple[str, str]:
 
 
 def output_lines(text: str) -> str:
-    """Output as HTML: sentences wrap, lines of a table, which are indented, do not."""
-    return "".join(f"<div{' class=twin-row' * row.startswith('  ')}>{escape(row)}\n</div>" for row in text.split("\n"))
+    """Output as HTML: sentences have the width of the page again, rows of a table stay as they are."""
+    lines = list[tuple[str, bool]]()
+    length = 0  # of the latest printed line
+    for line in text.split("\n"):
+        is_row, words = bool(TABLE_ROW.match(line)), line.split()
+        if words and lines and not is_row and not lines[-1][1] and length + 1 + len(words[0]) > WIDTH:
+            lines[-1] = f"{lines[-1][0]} {line.strip()}", False  # the terminal's width has parted them
+        else:
+            lines.append((line, is_row))
+        length = len(line)
+    return "".join(f"<div{' class=twin-row' * is_row}>{escape(line)}\n</div>" for line, is_row in lines)
 
 
 def wrapped(text: str) -> str:

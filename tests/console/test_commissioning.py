@@ -31,6 +31,7 @@ from hw_bridge.command.running_card import (
     EXPIRED,
     listed,
     motion_state,
+    output_lines,
     parts,
     result,
     state_text,
@@ -187,7 +188,7 @@ def test_an_orderly_end_and_a_stop(typed):
     what, state, command = text.split("\n")
     assert what == "enable axis: stopped by STOP or Esc."
     assert re.fullmatch(r"Power is off \(Switch on disabled\), at \S+ mm from start\.", state)
-    assert command == f"Next: twin hil enable axis -f {one.file}"
+    assert command == "Next: enable."
     assert (one.motion.state, one.motion.direction) == ("Switch on disabled", "")
     assert one.done[0][2] == 130
 
@@ -265,7 +266,7 @@ def test_how_a_command_has_ended():
         "  axis: power is off (Ready), at\n  1 mm.\n  Next, once the cause is removed:\n  twin hil jog axis -f b.yaml\n",
     )
     typed.text, typed.outputs = f"{silent}\n{left}", [f"{silent}\n{left}"]
-    lines = "Power is off (Ready), at 1 mm.\nNext, once the cause is removed: twin hil jog axis -f b.yaml"
+    lines = "Power is off (Ready), at 1 mm.\nNext, once the cause is removed: jog."
     assert result(typed) == ("warn", f"jog axis: stopped: {PAGE}.\n{lines}\n{CLOSE_PAGES}")
     typed.text = f"error: jammed.\n{left}"
     assert result(typed) == ("bad", f"✗ jog axis: jammed.\n{lines}")
@@ -283,14 +284,14 @@ def test_how_a_command_has_ended():
     for text, kind, line in (
         ("axis: stopped before power.", "warn", "Nothing was enabled."),
         (
-            "axis: power is off (Ready), at\n1 mm.\nNext: twin hil x\nThen: twin hil y\naxis: restored\n",
+            "axis: power is off (Ready), at\n1 mm.\nNext: twin hil status\nThen: twin hil home\naxis: restored\n",
             "warn",
-            "Power is off (Ready), at 1 mm.\nNext: twin hil x\nThen: twin hil y",
+            "Power is off (Ready), at 1 mm.\nNext: status, then home.",
         ),
         (
-            "axis: last state Fault. Check it.\nNext: twin hil x\ninterrupted\n",
+            "axis: last state Fault. Check it.\nNext: twin hil status\ninterrupted\n",
             "bad",
-            "Last state Fault. Check it.\nNext: twin hil x",
+            "Last state Fault. Check it.\nNext: status.",
         ),
     ):
         typed.text = text
@@ -338,6 +339,23 @@ def test_of_two_steps_of_a_command_one_may_be_skipped():
 def test_live_values_are_as_wide_as_the_other_output():
     line = "> position      26.73 mm from reference, velocity  2.04 mm/s, current  0.100 A, Operation enabled   upper end   "
     assert [len(row) <= 80 for row in wrapped(f"a: {'b' * 90}\n{line}\r").split("\n")] == [False, True, True]
+
+
+def test_sentences_of_the_output_wrap_at_the_width_of_the_page():
+    first, rest = "note: the motor and the drive, " * 2 + "and others, and more", "than that."
+    rows = [
+        "  607Dh.1  Min position limit  -2 mm",
+        "  ---------------",
+        "  1.  to the end stop",
+        "  it is wide.",
+        "a",
+        "b",
+    ]
+    lines = (
+        output_lines("\n".join([first, f"  {rest}", *rows])).replace("\n", "").removesuffix("</div>").split("</div>")
+    )
+    assert lines[0] == f"<div>{first} {rest}"
+    assert ["class" in line for line in lines] == [False, True, True, False, False, False, False]
 
 
 def test_a_step_that_a_drive_has_not_got_says_why(typed):

@@ -36,7 +36,7 @@ LIVE_VALUES = re.compile(  # what `show_live` prints for a page
 )
 # state and commands of `after_stop` as they are printed
 STATE_AFTER_STOP = re.compile(r"^ *\S+: ((?:power is off|last state) .*?)\n *Next", re.MULTILINE | re.DOTALL)
-COMMAND_AFTER_STOP = re.compile(r"^ *((?:Next|Then)[^:\n]*:)\s+(twin [^\n]*)$", re.MULTILINE)
+COMMAND_AFTER_STOP = re.compile(r"^ *((?:Next|Then)[^:\n]*:)\s+twin hil (\w+)", re.MULTILINE)
 
 
 def attach_page_watchdog(context: click.Context, _option: click.Parameter, end: int | None) -> None:

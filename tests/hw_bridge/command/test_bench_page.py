@@ -201,7 +201,7 @@ def test_steps_are_skipped_after_a_question_that_names_them(typed, monkeypatch):
     monkeypatch.setattr(pages, "confirm", confirm)
     asyncio.run(pages.change_order(page, "axis", switch, True))
     assert (page.commissioned, switch.value) == (set(), False)
-    assert "step 5 (check), 6 (direction, push) or 7 (direction, by hand), 8 (jog). If the encoder" in asked[0]
+    assert "step 5 (check), 6 (direction, push) or 7 (direction, by hand), 8 (jog)." in asked[0][0]
     asyncio.run(pages.change_order(page, "axis", switch, True))
     assert page.commissioned == {"axis"}
     asyncio.run(pages.change_order(page, "axis", switch, False))
