@@ -144,6 +144,16 @@ ANY_TIME = (
 )
 
 
+def limits_text(drive_axis: Axis) -> str:
+    """Node and limits of a drive."""
+    limits, to_text = drive_axis.keys.limits, drive_axis.format_quantity
+    low, high = limits.position
+    return (
+        f"node {drive_axis.keys.node}, {to_text(low)} to {to_text(high)}, {to_text(limits.velocity, '/s')}, "
+        f"{to_text(limits.acceleration, '/s^2')}; limits are those of the hardware file"
+    )
+
+
 def default(step: Step, entry: Entry, axis: Axis) -> str:
     """Value that the command uses for this drive if the option is missing; empty if it has none."""
     limits = axis.keys.limits

@@ -19,6 +19,7 @@ from hw_bridge.command.bench.step import SHOWN
 from hw_bridge.command.commissioning_steps import ANY_TIME, READING, STEPS, Entry, Step
 from hw_bridge.command.progress import Outcome
 from hw_bridge.command.running_card import CHECK, CURVES_PATH, armed, changed_file, live_state, now
+from hw_bridge.command.step_order import order_switch
 from hw_bridge.command.typed import Typed
 from hw_bridge.commission import homing
 from hw_bridge.hardware import NodeKeys
@@ -28,7 +29,6 @@ from twin.errors import TwinError
 
 if TYPE_CHECKING:
     from nicegui.element import Element
-    from nicegui.elements.mixins.value_element import ValueElement
     from nicegui.events import ValueChangeEventArguments
 
     from hw_bridge.commission import Axis
@@ -44,11 +44,6 @@ LOOKS = {  # of a step's number, by what has become of it
     "skipped": "icon=priority_high error error-icon=priority_high error-color=warning",
 }
 GATES = frozenset(step.after for step in STEPS if step.after)  # commands that others wait for
-SKIPPED = "{name}: not done with this drive and hardware file: step {steps}."
-RISK = (
-    "If the encoder or “inverted” of the file is wrong, the drive moves the wrong way, to an end stop.",
-    "Skip these steps only if this drive was commissioned before with this file.",
-)
 FILE_PERIOD = 1.0  # between looks at the hardware file [s]
 SIMULATED = (
     "Each command starts new simulated drives: positions count from 0 again, and nothing stays set. "
@@ -194,7 +189,7 @@ def drive(page: Page, drive_axis: Axis) -> None:
     from nicegui import ui
 
     typed, name = page.typed, drive_axis.name
-    ui.label(limits_text(drive_axis)).classes("twin-soft")
+    ui.label(steps.limits_text(drive_axis)).classes("twin-soft")
     notice = ui.label("").classes("twin-state twin-warn").props("role=alert")
 
     order_switch(page, name)
@@ -243,50 +238,6 @@ def drive(page: Page, drive_axis: Axis) -> None:
         done_before.update(each.title for each in STEPS if is_done(each))
 
     page.updates.append(mark)
-
-
-def order_switch(page: Page, name: str) -> None:
-    """Switch that lifts the order of a drive's steps."""
-    from nicegui import ui
-
-    switch = ui.switch("commissioned before: steps in any order").props("dense")
-    switch.on_value_change(lambda event: change_order(page, name, switch, event.value))
-
-
-async def change_order(page: Page, name: str, switch: ValueElement[bool], is_lifted: bool) -> None:
-    """Lift the order of a drive's steps, after a question that names those that are skipped, or restore it."""
-    skipped = steps.missing_steps(STEPS[-1], lambda each: page.is_done(each, name)) if is_lifted else {}
-    if skipped and not await confirm([SKIPPED.format(name=name, steps=", ".join(skipped.values())), *RISK]):
-        switch.value = False
-        return
-    (page.commissioned.add if is_lifted else page.commissioned.discard)(name)
-    page.update()
-
-
-async def confirm(lines: list[str]) -> bool:
-    """Ask whether steps may be skipped."""
-    from nicegui import ui
-
-    with ui.dialog().props("persistent") as dialog, ui.card():
-        with ui.column().classes("twin-result twin-warn gap-1"):
-            for line in lines:
-                ui.label(line)
-        with ui.row():
-            ui.button("Keep the order", on_click=lambda: dialog.submit(False)).props("no-caps outline")
-            ui.button("Skip these steps", on_click=lambda: dialog.submit(True)).props("no-caps flat color=warning")
-    answer = bool(await dialog)
-    dialog.delete()
-    return answer
-
-
-def limits_text(drive_axis: Axis) -> str:
-    """Node and limits of a drive."""
-    limits, to_text = drive_axis.keys.limits, drive_axis.format_quantity
-    low, high = limits.position
-    return (
-        f"node {drive_axis.keys.node}, {to_text(low)} to {to_text(high)}, {to_text(limits.velocity, '/s')}, "
-        f"{to_text(limits.acceleration, '/s^2')}; limits are those of the hardware file"
-    )
 
 
 def step_state(page: Page, command_step: Step, drive_axis: Axis) -> tuple[str, str | None]:

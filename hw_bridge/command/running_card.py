@@ -354,7 +354,8 @@ def output_lines(text: str) -> str:
     length = 0  # of the latest printed line
     for line in text.split("\n"):
         is_row, words = bool(TABLE_ROW.match(line)), line.split()
-        if words and lines and not is_row and not lines[-1][1] and length + 1 + len(words[0]) > WIDTH:
+        is_open = lines and not lines[-1][1] and not lines[-1][0].endswith((".", ":"))
+        if words and is_open and not is_row and length + 1 + len(words[0]) > WIDTH:
             lines[-1] = f"{lines[-1][0]} {line.strip()}", False  # the terminal's width has parted them
         else:
             lines.append((line, is_row))

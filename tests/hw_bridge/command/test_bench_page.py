@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from hw_bridge.command import pages
+from hw_bridge.command import pages, step_order
 from hw_bridge.command.bench.motion import READY
 from hw_bridge.command.pages import SIMULATED, TITLE, Page, fill
 from hw_bridge.command.progress import Outcome
@@ -198,17 +198,17 @@ def test_steps_are_skipped_after_a_question_that_names_them(typed, monkeypatch):
         asked.append(question)
         return len(asked) > 1
 
-    monkeypatch.setattr(pages, "confirm", confirm)
-    asyncio.run(pages.change_order(page, "axis", switch, True))
+    monkeypatch.setattr(step_order, "confirm", confirm)
+    asyncio.run(step_order.change_order(page, "axis", switch, True))
     assert (page.commissioned, switch.value) == (set(), False)
     assert "step 5 (check), 6 (direction, push) or 7 (direction, by hand), 8 (jog)." in asked[0][0]
-    asyncio.run(pages.change_order(page, "axis", switch, True))
+    asyncio.run(step_order.change_order(page, "axis", switch, True))
     assert page.commissioned == {"axis"}
-    asyncio.run(pages.change_order(page, "axis", switch, False))
+    asyncio.run(step_order.change_order(page, "axis", switch, False))
     assert page.commissioned == set()
     for line in ("check", "direction axis", "jog axis"):
         runner.progress.record(f"twin hil {line} -f {runner.file}", "axis", Outcome.DONE)
-    asyncio.run(pages.change_order(page, "axis", switch, True))  # nothing is skipped
+    asyncio.run(step_order.change_order(page, "axis", switch, True))  # nothing is skipped
     assert (page.commissioned, len(asked)) == ({"axis"}, 2)
 
 
