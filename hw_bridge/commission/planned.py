@@ -139,5 +139,5 @@ def _meant(node: Station, index: int, sub: int, value: int | None, is_planned: b
     text = format_value(node, entry, value)
     if is_planned and index == SOFTWARE_LIMIT and isinstance(node, Node) and node.keys.homing is not None:
         homed = node.sign * value * node.units.position + node.keys.homing.at
-        text = text.replace(" (", f", {format_quantity(round(homed, 9), _unit(node))} from home (", 1)
+        text = text.replace(" (", f", {format_quantity(round(homed, 5), _unit(node))} from home (", 1)
     return text

@@ -267,6 +267,11 @@ def restore_file(
         sys.exit(1)
 
 
+def is_terminal() -> bool:
+    """Whether a person can be asked."""
+    return sys.stdin.isatty()
+
+
 @click.command("store")
 @NODE
 @click.argument("file", required=False, type=click.Path(dir_okay=False, path_type=Path), metavar="[FILE.dcf]")
@@ -295,7 +300,7 @@ def store_command(bus: BusChoice, node: str, file: Path | None, yes: bool) -> No
             rows = difference_rows(station, dcf.differences(station, wanted))
             say(f"{station.name}: {len(rows)} objects differ from {'its last dump' if file is None else file}:")
             table([("object", "name", "drive", "dump"), *rows] if rows else [], 2, head=True)
-        if not yes and sys.stdin.isatty():
+        if not yes and is_terminal():
             click.confirm(f"{station.name} keeps these values when it is switched off. Go on?", abort=True)
         nvm.store(station, bus.journals)
         say(f"{station.name}: all parameters are stored.")
