@@ -172,21 +172,21 @@ def now(page: Page) -> None:
     def look() -> None:
         if last_shown.get("changed") == typed.changed:
             return
-        late_period = LATE_PERIOD * bool(typed.attended and typed.lateness)
-        if time.monotonic() - last_shown.get("drawn", 0.0) < late_period:
-            return
-        last_shown["drawn"] = time.monotonic()
-        update_tiles()
-        last_shown["changed"] = typed.changed
-        text.content = output_lines(wrapped(typed.text if typed.running else parts(typed)[0]))
         kind, end.text = motion_state(typed)
         end.classes(replace=f"twin-state twin-{kind}")
         end.visible = bool(end.text)
+        stage = (typed.running, typed.line, typed.controls)
+        is_late = typed.attended and typed.lateness and last_shown.get("stage") == stage
+        if is_late and time.monotonic() - last_shown["drawn"] < LATE_PERIOD:
+            return
+        last_shown["drawn"] = time.monotonic()
+        last_shown["changed"] = typed.changed
+        update_tiles()
+        text.content = output_lines(wrapped(typed.text if typed.running else parts(typed)[0]))
         if typed.attended and time.monotonic() - last_shown.get("curves", 0.0) > CURVES_PERIOD:
             last_shown["curves"] = time.monotonic()
             latest = max(typed.motion.span()[1], SPAN)
             chart.show(latest - SPAN, latest)
-        stage = (typed.running, typed.line, typed.controls)
         if last_shown.get("stage") == stage:
             return
         last_shown["stage"] = stage
