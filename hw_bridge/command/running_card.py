@@ -208,7 +208,7 @@ def now(page: Page) -> None:
 
 def motion_state(typed: Typed) -> tuple[str, str]:
     """Kind and sentence of what a running motion does: its page is late, a jog is ready, stopped, at an end; empty without one."""
-    if typed.attended and not typed.held and (late := typed.lateness):
+    if typed.attended and typed.word != "jog" and (late := typed.lateness):
         return (
             "warn",
             f"This page answers late: {late:.1f} s. After {ATTENDED:g} s the motion is stopped. Close other pages.",

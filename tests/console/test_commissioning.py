@@ -456,7 +456,7 @@ def test_a_jog_says_what_it_does(typed, last, text):
     )
     assert motion_state(one)[1].startswith("Switch on disabled: keys have no effect.")
     one._page = object()
-    one.here = None
+    one.word = "move"  # of a jog its dead-man switch says it
     one._late = (0.4, time.monotonic())
     assert motion_state(one) == (
         "warn",
