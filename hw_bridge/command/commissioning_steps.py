@@ -139,9 +139,19 @@ STEPS = (  # in the order of the first-motion page
 ANY_TIME = (
     Step("reset", "reset", "Tells what a drive in Fault says of its cause, then resets it. Power stays off."),
     Step("restore", "restore", "Writes back what an interrupted command or run has left changed in the drive."),
-    Step("enable", "enable", "Power on, the position held until End.", (FROM_START,)),
+    Step("enable", "enable", "Power on, the position held until End.", (FROM_START,), after="direction"),
     Step("disable", "disable", "Quick stop and power off, for a drive that another program left on."),
 )
+
+
+def limits_text(drive_axis: Axis) -> str:
+    """Node and limits of a drive."""
+    limits, to_text = drive_axis.keys.limits, drive_axis.format_quantity
+    low, high = limits.position
+    return (
+        f"node {drive_axis.keys.node}, {to_text(low)} to {to_text(high)}, {to_text(limits.velocity, '/s')}, "
+        f"{to_text(limits.acceleration, '/s^2')}; limits are those of the hardware file"
+    )
 
 
 def default(step: Step, entry: Entry, axis: Axis) -> str:
@@ -266,15 +276,28 @@ def unavailable(step: Step, axis: Axis, simulated: bool) -> str:
     return ""
 
 
-def prerequisite(step: Step, is_done: Callable[[Step], bool]) -> str:
-    """Which steps must succeed before this one, in their order; empty if none. One of each command is enough."""
-    missing_steps, word = list[str](), step.after
+def missing_steps(step: Step, is_done: Callable[[Step], bool]) -> dict[str, str]:
+    """Commands that must succeed before this step, in their order, with their steps. One of each command is enough."""
+    missing_before, word = dict[str, str](), step.after
     while word:
         before = {f"{number} ({each.title})": each for number, each in enumerate(STEPS, 1) if each.word == word}
         if not any(map(is_done, before.values())):
-            missing_steps.insert(0, " or ".join(before))
+            missing_before = {word: " or ".join(before), **missing_before}
         word = next(each.after for each in before.values())
-    return f"Do step {', then '.join(missing_steps)} first." if missing_steps else ""
+    return missing_before
+
+
+def prerequisite(step: Step, is_done: Callable[[Step], bool]) -> str:
+    """Which steps must succeed before this one; empty if none."""
+    before = missing_steps(step, is_done).values()
+    return f"Do step {', then '.join(before)} first." if before else ""
+
+
+def caution(step: Step, is_done: Callable[[Step], bool]) -> str:
+    """Warning at the button of a step whose order was lifted: what was skipped, and what may happen; empty if nothing was."""
+    before = missing_steps(step, is_done)
+    risk = ": it may move the wrong way" if "direction" in before else ""
+    return f"Not checked: {', '.join(before)}{risk}." if before else ""
 
 
 def alternative(step: Step, is_done: Callable[[Step], bool]) -> Step | None:

@@ -45,7 +45,7 @@ HARDWARE = click.option(
     "-f",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="The same as FILE, as with other commands.",
+    help="Hardware file that names the bus and its nodes.",
 )
 
 COMMANDS = {  # file of hw_bridge.command.bench and what it does, in the order of commissioning
@@ -100,7 +100,7 @@ def command() -> None:
 
     \b
     twin hil scan -i socketcan -c can0                list the nodes
-    twin hil check my_bench.yaml                      compare bus and file
+    twin hil check -f my_bench.yaml                   compare bus and file
     twin hil move servomotor --by "1 mm" -f my_bench.yaml --arm
     """
 
@@ -143,7 +143,7 @@ class Findings:
 
 
 @command.command("check", short_help="compare the bus with a hardware file")
-@click.argument("file", type=click.Path(path_type=Path), metavar="FILE", required=False)
+@click.argument("file", type=click.Path(path_type=Path), metavar="", required=False)
 @HARDWARE
 @click.option("--verbose", is_flag=True, help="Also reasons, the drive's own settings, and the effect of each limit.")
 @build_option
@@ -153,7 +153,7 @@ def check(file: Path | None, hardware: Path | None, verbose: bool, build: Path) 
     Prints what differs, notes, and each object that a run writes, before and after. Exit code 1 if anything differs.
     """
     if (file is None) == (hardware is None):
-        raise OptionError("Name the hardware file: twin hil check FILE, or -f FILE.")
+        raise OptionError("Name the hardware file: twin hil check -f FILE.")
     file = file or hardware
     assert file is not None
     keys = load(file)
@@ -216,7 +216,7 @@ def compare_bus(
 
 def unready(master: Master, station: Node | ModuleNode) -> Findings:
     """Return why a matching node could not be run now, what a run would write, and notes."""
-    from hw_bridge.commission import inspect, limits, planned_rows, softer_stop, write_heading
+    from hw_bridge.commission import inspect, limit_note, limits, planned_rows, softer_stop, write_heading
     from hw_bridge.master import Node, setup
 
     left = unrestored(master, station)
@@ -225,7 +225,7 @@ def unready(master: Master, station: Node | ModuleNode) -> Findings:
     findings = Findings(
         [*left, *plan.refused, *plan.problems],
         [*plan.sizes(), *plan.notes],
-        [(write_heading(plan, rows), brief(rows))],
+        [(write_heading(plan, rows), brief(rows)), *limit_note(plan, rows)],
         [(write_heading(plan, rows), [WRITE_HEAD, *rows])],
     )
     if not isinstance(station, Node):
@@ -254,7 +254,7 @@ def unrestored(master: Master, station: Node | ModuleNode) -> list[str]:
 
     problems = []
     if isinstance(station, Node) and not setup.faults(station) and (text := pending_error(station)):
-        problems.append(f"{text} Reset it first: twin hil reset FILE")
+        problems.append(f"{text} Reset it first: twin hil reset -f FILE")
     if master.keys.simulated:
         return problems
     try:
@@ -283,8 +283,8 @@ def brief(rows: Sequence[PlannedRow]) -> list[Sequence[str]]:
 
 
 @command.command("reset", short_help="leave Fault, once the cause is known")
-@click.argument("file", type=click.Path(path_type=Path), metavar="FILE", required=False)
-@click.argument("node", required=False, metavar="[NODE]")
+@click.argument("file", type=click.Path(path_type=Path), metavar="[NODE]", required=False)
+@click.argument("node", required=False, metavar="")
 @HARDWARE
 @build_option
 def reset(file: Path | None, node: str | None, hardware: Path | None, build: Path) -> None:
@@ -297,7 +297,7 @@ def reset(file: Path | None, node: str | None, hardware: Path | None, build: Pat
     if hardware is not None and node is None:  # the only argument is the node
         file, node = hardware, None if file is None else str(file)
     elif file is None or hardware is not None:
-        raise OptionError("Name the hardware file: twin hil reset FILE [NODE], or -f FILE [NODE].")
+        raise OptionError("Name the hardware file: twin hil reset [NODE] -f FILE.")
     keys = load(file)
     master = Master(keys, bench_network(keys, build))
     try:

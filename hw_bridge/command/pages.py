@@ -19,6 +19,7 @@ from hw_bridge.command.bench.step import SHOWN
 from hw_bridge.command.commissioning_steps import ANY_TIME, READING, STEPS, Entry, Step
 from hw_bridge.command.progress import Outcome
 from hw_bridge.command.running_card import CHECK, CURVES_PATH, armed, changed_file, live_state, now
+from hw_bridge.command.step_order import order_switch
 from hw_bridge.command.typed import Typed
 from hw_bridge.commission import homing
 from hw_bridge.hardware import NodeKeys
@@ -40,7 +41,9 @@ LOOKS = {  # of a step's number, by what has become of it
     "done": "icon=check done-icon=check color=positive done-color=positive",
     "failed": "icon=close error error-icon=close error-color=negative",
     "stopped": "icon=stop error error-icon=stop error-color=warning",
+    "skipped": "icon=priority_high error error-icon=priority_high error-color=warning",
 }
+GATES = frozenset(step.after for step in STEPS if step.after)  # commands that others wait for
 FILE_PERIOD = 1.0  # between looks at the hardware file [s]
 SIMULATED = (
     "Each command starts new simulated drives: positions count from 0 again, and nothing stays set. "
@@ -186,14 +189,10 @@ def drive(page: Page, drive_axis: Axis) -> None:
     from nicegui import ui
 
     typed, name = page.typed, drive_axis.name
-    ui.label(limits_text(drive_axis)).classes("twin-soft")
+    ui.label(steps.limits_text(drive_axis)).classes("twin-soft")
     notice = ui.label("").classes("twin-state twin-warn").props("role=alert")
 
-    def change(event: ValueChangeEventArguments[Any]) -> None:
-        (page.commissioned.add if event.value else page.commissioned.discard)(name)
-        page.update()
-
-    ui.switch("commissioned before: steps in any order", on_change=change).props("dense")
+    order_switch(page, name)
 
     def is_done(command_step: Step) -> bool:
         return page.is_done(command_step, name)
@@ -229,6 +228,7 @@ def drive(page: Page, drive_axis: Axis) -> None:
             for other in LOOKS.values():
                 item.props(remove=other)
             item.props(LOOKS[look])
+            item.classes(add="twin-running" if item.props["caption"] == "running" else "", remove="twin-running")
             item.props(f"prefix={number}" if look == "open" else "", remove="" if look == "open" else "prefix")
             if look == "done" and command_step.title not in done_before and stepper.value == command_step.title:
                 stepper.value = (
@@ -238,16 +238,6 @@ def drive(page: Page, drive_axis: Axis) -> None:
         done_before.update(each.title for each in STEPS if is_done(each))
 
     page.updates.append(mark)
-
-
-def limits_text(drive_axis: Axis) -> str:
-    """Node and limits of a drive."""
-    limits, to_text = drive_axis.keys.limits, drive_axis.format_quantity
-    low, high = limits.position
-    return (
-        f"node {drive_axis.keys.node}, {to_text(low)} to {to_text(high)}, {to_text(limits.velocity, '/s')}, "
-        f"{to_text(limits.acceleration, '/s^2')}; limits are those of the hardware file"
-    )
 
 
 def step_state(page: Page, command_step: Step, drive_axis: Axis) -> tuple[str, str | None]:
@@ -264,6 +254,8 @@ def step_state(page: Page, command_step: Step, drive_axis: Axis) -> tuple[str, s
         return look, "failed" if look == "failed" else "not complete"
     if look == "open" and (other := steps.alternative(command_step, lambda each: page.is_done(each, name))):
         return look, f"skipped: {other.title} is done"
+    if look == "open" and name in page.commissioned and command_step.word in GATES:
+        return "skipped", "skipped: not checked"
     return look, (
         command_step.caption if done_at is None else time.strftime("done %Y-%m-%d %H:%M", time.localtime(done_at))
     )
@@ -357,8 +349,12 @@ def step_button(
     )
     button.props("dense no-caps outline")
     reason = ui.label("").classes("twin-soft")
+    caution = ui.label("").classes("twin-state twin-warn")
 
     def update() -> None:
+        is_skipping = name in page.commissioned
+        caution.text = steps.caution(command_step, lambda each: page.is_done(each, name)) if is_skipping else ""
+        caution.visible = bool(caution.text)
         reason.text = refusal(page, command_step, name, values, drive_axis)
         reason.visible = bool(reason.text)
         is_wrong = drive_axis is not None and any(

@@ -10,16 +10,21 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 from hw_bridge.command.bench.options import WIDTH
-from hw_bridge.command.bench.single_axis import AFTER_STOP, LIVE_VALUES
+from hw_bridge.command.bench.single_axis import COMMAND_AFTER_STOP, LIVE_VALUES, STATE_AFTER_STOP
 from hw_bridge.command.bench.step import SHOWN
 from hw_bridge.command.commissioning_steps import READING
 from hw_bridge.command.progress import STOPPED, Outcome, has_lost_page, outcome
 from hw_bridge.command.state_watch import RETRY_PERIOD
+from hw_bridge.command.typed import MOVES
 from hw_bridge.commission import ATTENDED, HOLD
+from hw_bridge.dictionary import State
 from twin import web
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from nicegui.element import Element
+    from nicegui.elements.label import Label
 
     from hw_bridge.command.live_motion import LiveMotion
     from hw_bridge.command.pages import Page
@@ -27,17 +32,28 @@ if TYPE_CHECKING:
 
 (CHECK,) = (step for step in READING if step.word == "check")
 ENDED = ("jog", "enable")  # by the person, in an orderly way
-REFRESH_PERIOD = 0.1  # of the running command [s]
+REFRESH_PERIOD = 0.2  # of the running command [s]
+LATE_PERIOD = 1.5  # and of its chart while the page answers late: it draws less, so that it answers in time [s]
 CURVES_PATH = "/commissioning/curves"
 SPAN = 10.0  # of the chart while a drive moves [s]
 CURVES_PERIOD = (
-    0.3  # of its requests [s]: a chart that follows by itself sends ten times as many, and the page must answer
+    0.5  # of its requests [s]: a chart that follows by itself sends ten times as many, and the page must answer
 )
 TILES = ("state", "position", "velocity", "current")
 LIVE = {"6041h": "state", "6064h": "position", "606Ch": "velocity", "6078h": "current", "603Fh": "error"}
 RAW = re.compile(r" \([^()]*\)$")  # value in the drive's own unit, behind a quantity
 ERROR = re.compile(r"(?:^|(?<=  ))error: ", re.MULTILINE)  # before the error that a command prints at its end
 JOG_END = re.compile(r"(upper|lower) end \((.*)\)\s*$")  # at the end of the live values of a jog
+BEFORE_POWER = (
+    "An emergency stop that cuts the motor's supply is within reach.",
+    "The carriage is in the middle of its stroke, nothing is in its way.",
+    "Motor and loops are set up with the vendor's software.",
+    "STOP and Esc are Ctrl-C for the running command: quick stop, then power off. They do not replace the emergency stop.",
+)
+UNREPORTED = "It did not report the state of the drive: run status."
+NEVER_STARTED = ("stopped before power", "interrupted before it began")  # in the output of a command that was stopped
+CLOSE_PAGES = "Close other pages and programs, or copy the command above into a terminal, which needs no page."
+TABLE_ROW = re.compile(r"  (?!\d+\.  |position ).*\S  +\S|  -{9}")
 EXPIRED = (
     f"Stopped by the dead-man switch: this page answered later than {HOLD // 10**6} ms. "
     "Release the button, then hold it again."
@@ -146,26 +162,31 @@ def now(page: Page) -> None:
 
     running_command()
     end = ui.label("").props("role=status")
-    tiles = motion_tiles(typed.motion)
+    tiles, update_tiles = motion_tiles(typed.motion)
     with ui.element("div").classes("full-width") as frame:  # the chart's own classes must stay as its script set them
         chart = web.Chart(CURVES_PATH, motion_panes("mm")).style("height: 300px")
-    text = ui.label("").classes("twin-told twin-bench-said")
+    text = ui.html("", sanitize=False).classes("twin-told twin-bench-said")
     plot = ui.html("", sanitize=False)
     before = ui.html("", sanitize=False)
 
     def look() -> None:
         if last_shown.get("changed") == typed.changed:
             return
-        last_shown["changed"] = typed.changed
-        text.text = wrapped(typed.text if typed.running else parts(typed)[0])
-        kind, end.text = jog_state(typed)
+        kind, end.text = motion_state(typed)
         end.classes(replace=f"twin-state twin-{kind}")
         end.visible = bool(end.text)
+        stage = (typed.running, typed.line, typed.controls)
+        is_late = typed.attended and typed.lateness and last_shown.get("stage") == stage
+        if is_late and time.monotonic() - last_shown["drawn"] < LATE_PERIOD:
+            return
+        last_shown["drawn"] = time.monotonic()
+        last_shown["changed"] = typed.changed
+        update_tiles()
+        text.content = output_lines(wrapped(typed.text if typed.running else parts(typed)[0]))
         if typed.attended and time.monotonic() - last_shown.get("curves", 0.0) > CURVES_PERIOD:
             last_shown["curves"] = time.monotonic()
             latest = max(typed.motion.span()[1], SPAN)
             chart.show(latest - SPAN, latest)
-        stage = (typed.running, typed.line, typed.controls)
         if last_shown.get("stage") == stage:
             return
         last_shown["stage"] = stage
@@ -185,11 +206,18 @@ def now(page: Page) -> None:
     ui.timer(REFRESH_PERIOD, look)
 
 
-def jog_state(typed: Typed) -> tuple[str, str]:
-    """Kind and sentence of what a running jog does: ready, stopped by its dead-man switch, at an end; empty without one."""
+def motion_state(typed: Typed) -> tuple[str, str]:
+    """Kind and sentence of what a running motion does: its page is late, a jog is ready, stopped, at an end; empty without one."""
+    if typed.attended and typed.word != "jog" and (late := typed.lateness):
+        return (
+            "warn",
+            f"This page answers late: {late:.1f} s. After {ATTENDED:g} s the motion is stopped. Close other pages.",
+        )
     if not typed.running or typed.word != "jog":
         return "neutral", ""
     if not typed.controls:
+        if typed.motion.has_samples and typed.motion.state != State.ENABLED:
+            return "warn", f"{typed.motion.state}: keys have no effect. The command restores the drive and ends."
         return "neutral", "powering on ... Keys have no effect yet."
     if typed.has_expired:
         return "warn", EXPIRED
@@ -208,38 +236,59 @@ def show_running(page: Page) -> None:
 
     typed = page.typed
     if not typed.line:
+        ui.label("Before the power is on").classes("twin-h")
+        for text in BEFORE_POWER:
+            ui.label(f"- {text}")
         ui.label("Each button runs the command that you would type; it is shown here.").classes("twin-soft")
         return
-    with ui.row().classes("items-center full-width no-wrap"):
+    with ui.row().classes("items-center full-width no-wrap gap-1"):
         ui.label(typed.line).classes("twin-told col")
+        icon_button("content_copy", "copy the command", lambda: ui.clipboard.write(typed.line))
         if typed.running and typed.word in ENDED:
             ui.button("End", on_click=lambda: page.run_as_operator(typed.end)).props("dense no-caps outline")
+        elif typed.attended:  # a spinner is drawn sixty times a second, and the page must answer
+            ui.label("runs").classes("twin-state twin-warn")
         elif typed.running:
             ui.spinner(size="20px")
+        elif typed.done:
+            icon_button("download", "download record", lambda: ui.download.content(typed.record(), "commissioning.txt"))
     if not typed.running and typed.done:
         kind, text = result(typed)
-        ui.label(text).classes(f"twin-state twin-{kind}")
-        ui.button("download record", on_click=lambda: ui.download.content(typed.record(), "commissioning.txt")).props(
-            "dense no-caps flat"
-        )
+        with ui.column().classes(f"twin-result full-width gap-0 twin-{kind}"):
+            for line in text.split("\n"):
+                ui.label(line)
     for name in typed.controls:
         speed, unit = typed.speed
         Desk([control(name, name, "Held: it moves.", ("ArrowRight", "ArrowLeft"), unit, speed)])
 
 
-def motion_tiles(motion: LiveMotion) -> Element:
-    """State, position, velocity and current of the drive that moves."""
+def icon_button(icon: str, title: str, action: Callable[[], object]) -> None:
+    """Button with an icon, and its title for pointers and readers."""
     from nicegui import ui
 
+    ui.button(icon=icon, on_click=action).props(f'flat dense size=sm aria-label="{title}" title="{title}"')
+
+
+def motion_tiles(motion: LiveMotion) -> tuple[Element, Callable[[], None]]:
+    """State, position, velocity and current of the drive that moves, and the function that updates them."""
+    from nicegui import ui
+
+    labels: dict[str, Label] = {}
     with ui.row().classes("full-width gap-4 twin-tiles") as tiles:
         for title in TILES:
             with ui.column().classes("gap-0"):
                 with ui.row().classes("gap-1"):
                     ui.label(title).classes("twin-soft")
                     if title == "position":
-                        ui.label().classes("twin-soft").bind_text_from(motion, "origin")
-                ui.label().classes("twin-h twin-figures").bind_text_from(motion, title, lambda text: text or "-")
-    return tiles
+                        labels["origin"] = ui.label().classes("twin-soft")
+                labels[title] = ui.label().classes("twin-h twin-figures")
+
+    def update() -> None:
+        for title, label in labels.items():
+            label.text = getattr(motion, title) or "-" * (title in TILES)
+
+    update()
+    return tiles, update
 
 
 def motion_panes(unit: str) -> list[web.Pane]:
@@ -258,23 +307,34 @@ def result(typed: Typed) -> tuple[str, str]:
     if code == 0:
         count = len(labeled(typed.text, "note"))
         return ("warn", f"✓ {what}: done, {count} note{'s' * (count > 1)}") if count else ("good", f"✓ {what}: done")
+    lines = lines_after_stop(typed.text)
     if code == STOPPED:
-        state = AFTER_STOP.search(" ".join(typed.text.split()))
-        text = (
-            f"{state[1][0].upper()}{state[1][1:]}" if state else "It did not report the state of the drive: run status."
-        )
-        return "neutral", f"{what}: stopped by STOP or Esc. {text}"
+        kind = "bad" if lines and lines[0].startswith("Last state") else "warn"
+        if not lines and typed.word in MOVES:
+            was_off = any(map(typed.text.count, NEVER_STARTED))
+            kind, lines = ("warn", ["Nothing was enabled."]) if was_off else ("bad", [UNREPORTED])
+        return kind, "\n".join([f"{what}: stopped by STOP or Esc.", *lines])
     if has_lost_page(typed.text):
-        rest = " ".join(parts(typed)[1].split()).partition(": stopped. ")[2]
         silent = f"this page did not answer for {ATTENDED:g} s (closed, reloaded or stalled)"
-        return "neutral", f"{what}: stopped: {silent}. {rest}".rstrip()
+        return "warn", "\n".join([f"{what}: stopped: {silent}.", *lines, CLOSE_PAGES])
     if code < 0:
         return "bad", (
             f"✗ {what}: was killed (signal {-code}) and restored nothing. A drive that it moved misses its heartbeat and stops "
             "by itself: look at its state, then reset and restore."
         )
-    error = parts(typed)[1] or " ".join(labeled(typed.text, "differs") + labeled(typed.text, "not restored"))
-    return "bad", f"✗ {what}: {' '.join(error.split()) if error else f'ended with exit code {code}'}"
+    error = STATE_AFTER_STOP.split(parts(typed)[1])[0]
+    error = error or " ".join(labeled(typed.text, "differs") + labeled(typed.text, "not restored"))
+    cause = f"✗ {what}: {' '.join(error.split()) if error else f'ended with exit code {code}'}"
+    return "bad", "\n".join([cause, *lines])
+
+
+def lines_after_stop(text: str) -> list[str]:
+    """State and position in which a command has left its drive, then a line with the next steps; none without a stop."""
+    if not (state := STATE_AFTER_STOP.search(text)):
+        return []
+    first = " ".join(state[1].split())
+    commands = COMMAND_AFTER_STOP.findall(text)
+    return [f"{first[0].upper()}{first[1:]}", f"{commands[0][0]} {', then '.join(word for _, word in commands)}."]
 
 
 def labeled(text: str, label: str) -> list[str]:
@@ -286,6 +346,21 @@ def parts(typed: Typed) -> tuple[str, str]:
     """Output of the latest command, and the error that it ended with."""
     output, *errors = ERROR.split(typed.text) if typed.done and typed.done[0][2] else [typed.text]
     return output, errors[-1] if errors else ""
+
+
+def output_lines(text: str) -> str:
+    """Output as HTML: sentences have the width of the page again, rows of a table stay as they are."""
+    lines = list[tuple[str, bool]]()
+    length = 0  # of the latest printed line
+    for line in text.split("\n"):
+        is_row, words = bool(TABLE_ROW.match(line)), line.split()
+        is_open = lines and not lines[-1][1] and not lines[-1][0].endswith((".", ":"))
+        if words and is_open and not is_row and length + 1 + len(words[0]) > WIDTH:
+            lines[-1] = f"{lines[-1][0]} {line.strip()}", False  # the terminal's width has parted them
+        else:
+            lines.append((line, is_row))
+        length = len(line)
+    return "".join(f"<div{' class=twin-row' * is_row}>{escape(line)}\n</div>" for line, is_row in lines)
 
 
 def wrapped(text: str) -> str:

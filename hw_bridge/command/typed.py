@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hw_bridge.command.bench.motion import EXPIRED, READY
+from hw_bridge.command.bench.single_axis import NOT_HOMED
 from hw_bridge.command.commissioning_steps import FILE_INDEPENDENT
 from hw_bridge.command.live_motion import LiveMotion
 from hw_bridge.command.progress import STOPPED, StepProgress, outcome
@@ -45,7 +46,7 @@ SHOWN = 100_000  # characters of what a command prints
 HISTORY_LENGTH = 50  # commands that are listed
 END_TIMEOUT = 15.0  # of a command after Ctrl-C: its stop, and restoration of the drive [s]
 READS = frozenset({"scan", "status", "dump", "compare", "check"})  # beside a session and other programs too
-OF_A_FILE = frozenset({"check", "reset"})  # their first argument is the hardware file
+LATE, LATE_SHOWN = 0.2, 5.0  # an answer of the page that is so old is late, and is shown for so long [s]
 HOME = "home"
 HOMED_AT = re.compile(r"(\S+ \S+) from reference")
 IDENTITY = re.compile(r"node (\d+)(?: \([^)]*\))?: (?:(?!node \d).)*?serial ([0-9A-F]+)h")  # in what a command prints
@@ -80,6 +81,7 @@ class Typed:
         self._page: Channel | None = None
         self._listener: threading.Thread | None = None
         self._held = (0.0, -math.inf)  # how far, renewed when
+        self._late = (0.0, -math.inf)  # age of an answer of the page, and when it came
         self._lock = threading.Lock()
         self._stop_count = 0
 
@@ -98,8 +100,15 @@ class Typed:
 
     @property
     def controls(self) -> tuple[str, ...]:
-        """The button of a jog, once the drive is ready."""
-        return (f"jog {self.node}",) if self.word == "jog" and self.running and READY in self.text else ()
+        """The button of a jog, while the drive has said so and reports Operation enabled."""
+        is_ready = self.word == "jog" and self.running and READY in self.text and self.motion.state == State.ENABLED
+        return (f"jog {self.node}",) if is_ready else ()
+
+    @property
+    def lateness(self) -> float:
+        """Greatest age of a recent answer of the operator's page [s]; 0 if none was late."""
+        age, at = self._late
+        return age if time.monotonic() - at < LATE_SHOWN else 0.0
 
     @property
     def has_expired(self) -> bool:
@@ -115,7 +124,7 @@ class Typed:
     def position(self, node: str) -> float | None:
         """Position of a drive from its reference as last read [m or rad], infinite if it is not homed, None if unknown."""
         text = next((value for title, value in self.watch.rows.get(node, []) if title.startswith("6064h")), "")
-        if self.keys.simulated or self.axes[node].keys.homing is None or text.endswith("not homed"):
+        if self.keys.simulated or self.axes[node].keys.homing is None or text.endswith(NOT_HOMED):
             return math.inf
         match = HOMED_AT.match(text)
         return self.axes[node].si(match[1], "position") if match else None
@@ -211,7 +220,7 @@ class Typed:
                     f"{self.file}: {keys.interface} {keys.channel} may move real drives, and this console was not armed. "
                     f"End it, and start it with --arm."
                 )
-            words = [word, str(self.file), node] if word in OF_A_FILE else [word, node, "-f", str(self.file)]
+            words = [word, node, "-f", str(self.file)]
             words = [*filter(None, words), *options, *(["--arm"] if word in MOVES and self.console.arm else [])]
             self.watch.pause()
             if self._stop_count != stop_count:
@@ -320,6 +329,8 @@ class Typed:
 
     def here(self, age: float) -> None:
         """Renew the presence of the operator's page."""
+        if age > max(LATE, self.lateness):
+            self._late = age, time.monotonic()
         self._send_to_command(here=time.monotonic() - age)
 
     def release_hold(self) -> None:

@@ -29,6 +29,7 @@ from .page_watchdog import ATTENDED as ATTENDED
 from .page_watchdog import PAGE_SILENT as PAGE_SILENT
 from .page_watchdog import PageWatchdog as PageWatchdog
 from .planned import PlannedRow as PlannedRow
+from .planned import limit_note as limit_note
 from .planned import planned_rows as planned_rows
 from .planned import softer_stop as softer_stop
 from .planned import write_heading as write_heading
@@ -36,6 +37,7 @@ from .sdo_session import BOOT as BOOT
 from .sdo_session import SdoSession as SdoSession
 from .sdo_session import assert_not_driven as assert_not_driven
 from .sdo_session import identity_text as identity_text
+from .sdo_session import node_number as node_number
 from .sdo_session import pending_error as pending_error
 from .single_axis_session import IN_DRIVE as IN_DRIVE
 from .single_axis_session import SLOWEST_STOP as SLOWEST_STOP

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from hw_bridge.commission.objects import learn, upload
+from hw_bridge.commission.objects import OPEN, learn, upload
 from hw_bridge.hardware import format_quantity, motor_data
 from hw_bridge.master import SdoError
 
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
 ABSURD = 10.0  # so many times the drive's own limit is a slip of the pen, not a choice
 NEAR = 1.01  # rounding to the drive's units
-OPEN = 0x7FFFFFFF  # from here on an object of four bytes means no limit
 CURRENTS = (
     (0x6072, 0), (0x6073, 0), (0x60E0, 0), (0x60E1, 0), (0x6075, 0), (0x2329, 1), (0x3001, 2), (0x2333, 2), (0x6410, 1), (0x6410, 2),
 )  # fmt: skip

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 INDEX = re.compile(r"(?:0x)?([0-9A-Fa-f]{4})h?(?:[.:/](\d{1,3}))?")
 SOFTWARE_LIMIT = 0x607D
 NO_LIMIT = (0xFFFFFFFF, 0x7FFFFFFF, 0x80000000)
+OPEN = 0x7FFFFFFF  # from this range on 607Dh is no limit; as a value, any limit of four bytes
 
 
 def unit_of(node: Station, entry: Entry) -> Measure | None:
@@ -49,7 +50,9 @@ def format_value(node: Station, entry: Entry, value: Value) -> str:
         watched, lapse = value >> 16 & 0x7F, value & 0xFFFF  # CiA 301, 7.5.2.16
         return f"node {watched} lost after {lapse} ms ({value:X}h)" if watched and lapse else f"off ({value:X}h)"
     if (unit := unit_of(node, entry)) is not None:
-        open_ended = abs(value) in NO_LIMIT and entry.type.size == 4
+        open_ended = entry.type.size == 4 and (
+            abs(value) in NO_LIMIT or (entry.index == SOFTWARE_LIMIT and 2 * abs(value) > OPEN)
+        )
         if entry.index == SOFTWARE_LIMIT and value == 0 and getattr(node.profile, "limits_off_when_zero", False):
             return "none if both are 0 (0)"
         assumed = (

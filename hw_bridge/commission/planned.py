@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from hw_bridge.commission.objects import format_value
+from hw_bridge.commission.objects import SOFTWARE_LIMIT, format_value
 from hw_bridge.dictionary import U32, Entry
+from hw_bridge.hardware import format_quantity
 from hw_bridge.master import Node, PlannedWrite
 
 if TYPE_CHECKING:
@@ -33,7 +34,9 @@ def planned_rows(plan: WritePlan) -> list[PlannedRow]:
     for write in plan.writes:
         last[write.index, write.sub] = write
     changed = [write for address, write in last.items() if plan.stored_value(*address) != write.value]
-    after = {(write.index, write.sub): _meant(plan.node, write.index, write.sub, write.value) for write in changed}
+    after = {
+        (write.index, write.sub): _meant(plan.node, write.index, write.sub, write.value, True) for write in changed
+    }
     with_units_before(plan)
     before = {
         (write.index, write.sub): _meant(plan.node, write.index, write.sub, plan.stored_value(write.index, write.sub))
@@ -59,6 +62,22 @@ def write_heading(plan: WritePlan, rows: list[PlannedRow]) -> str:
     passing = f", {total - len(rows)} of them only while it maps process data" if total > len(rows) else ""
     rest = f" {len(rows)} have another value during the run:" if passing else ""
     return f"{plan.node.name}: a run writes {total} objects{passing}, and restores them at its end{rest and '.'}{rest or ':'}"
+
+
+def limit_note(plan: WritePlan, rows: list[PlannedRow]) -> list[tuple[str, list[Any]]]:
+    """Line below the rows on the drive's own position limits, which are wider than those of the hardware file; else none."""
+    if not isinstance(plan.node, Node) or not any(row.object.startswith("607Dh") for row in rows):
+        return []
+    low, high = (format_quantity(end, _unit(plan.node)) for end in plan.node.own.file.position)
+    text = (
+        f"{plan.node.name}: 607Dh counts in the drive, and is a tenth of the range wider than limits.position, {low} to {high}, "
+        "which this program keeps to."
+    )
+    return [(text, [])]
+
+
+def _unit(node: Node) -> str:
+    return "rad" if node.rotary else "m"
 
 
 def softer_stop(plan: WritePlan) -> list[str]:
@@ -111,10 +130,14 @@ def _name(node: Station, index: int, sub: int) -> str:
     return f"{kind[0]}PDO {rest.split()[0]}: {own}" if kind in ("Receive", "Transmit") else own
 
 
-def _meant(node: Station, index: int, sub: int, value: int | None) -> str:
+def _meant(node: Station, index: int, sub: int, value: int | None, is_planned: bool = False) -> str:
     if value is None:
         return "not told"
     entry = _entry(node, index, sub) or Entry(index, sub, "", U32, "rw")
     if 0x1400 <= index < 0x1C00 and (sub or not index & 0x200):
         return f"{value:X}h" if sub == 1 or index & 0x200 else str(value)
-    return format_value(node, entry, value)
+    text = format_value(node, entry, value)
+    if is_planned and index == SOFTWARE_LIMIT and isinstance(node, Node) and node.keys.homing is not None:
+        homed = node.sign * value * node.units.position + node.keys.homing.at
+        text = text.replace(" (", f", {format_quantity(round(homed, 5), _unit(node))} from home (", 1)
+    return text

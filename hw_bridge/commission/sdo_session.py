@@ -62,12 +62,7 @@ class SdoSession:
 
     def number(self, word: str) -> tuple[int, str]:
         """Node-ID and name of a node, given its ID or its name in the hardware file."""
-        if word.isdecimal() and 1 <= int(word) <= 127:
-            return int(word), next((name for name, key in self.keys.items() if key.node == int(word)), f"node {word}")
-        if word not in self.keys:
-            advice = f" {nearest(word, list(self.keys))}" if self.keys else " Name it with --hardware FILE."
-            raise SimulationError(f"{word}: neither a node-ID from 1 to 127 nor a node of the hardware file.{advice}")
-        return self.keys[word].node, word
+        return node_number(word, self.keys)
 
     def node(self, word: str, named: str = "") -> Node | Station:
         """A node with the objects of its profile: `named`, that of the hardware file, or by its identity (1018h)."""
@@ -98,6 +93,16 @@ class SdoSession:
                 f"{node.name}: no profile fits it. Name the one that is like it with --profile: {', '.join(DRIVE_PROFILES)}."
             )
         return node
+
+
+def node_number(word: str, keys: Mapping[str, NodeKeys | ModuleKeys]) -> tuple[int, str]:
+    """Node-ID and name of a node, given its ID or its name in the hardware file."""
+    if word.isdecimal() and 1 <= int(word) <= 127:
+        return int(word), next((name for name, key in keys.items() if key.node == int(word)), f"node {word}")
+    if word not in keys:
+        advice = f" {nearest(word, list(keys))}" if keys else " Name it with --hardware FILE."
+        raise SimulationError(f"{word}: neither a node-ID from 1 to 127 nor a node of the hardware file.{advice}")
+    return keys[word].node, word
 
 
 def identity_text(node: Station) -> str:

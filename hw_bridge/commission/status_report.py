@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.commission import object_texts
 from hw_bridge.commission.objects import format_value, learn, upload
+from hw_bridge.commission.single_axis_session import IN_DRIVE
 from hw_bridge.dictionary import State, state_of
 from hw_bridge.master import Node, SdoError
 
@@ -44,6 +45,8 @@ def status(node: Station, reference: Reference | None = None) -> Status:
     learn(node)
     report = Status({group: rows(node, addresses, reference) for group, addresses in GROUPS.items()})
     if isinstance(node, Node):
+        if reference is not None and (problem := reference.problem(node)):
+            report.groups["motion"].append(("not homed", problem))
         report.errors = object_texts.errors_and_history(node.sdo, node.profile.faults)
     return report
 
@@ -72,12 +75,12 @@ def rows(node: Station, addresses: tuple[tuple[int, int], ...], reference: Refer
 
 def position_text(node: Node, reference: Reference, text: str) -> str:
     """Position from the reference, with 6064h as `text`; while a command moves the drive its reference is open."""
-    own = f"6064h {text.partition(' (')[0]}"
+    own = text.partition(" (")[0]
     if state_of(node.sdo.number(0x6041) & 0xFFFF) is State.ENABLED:
-        return f"{own}, moved by a program"
+        return f"{own} {IN_DRIVE}, moved by a program"
     if reference.problem(node):
-        return f"{own}, not homed"
-    return f"{node.format_length(reference.position(node))} from reference ({own}), homed"
+        return f"{own} {IN_DRIVE}, not homed"
+    return f"{node.format_length(reference.position(node))} from reference ({own} {IN_DRIVE}), homed"
 
 
 def monitored_rows(

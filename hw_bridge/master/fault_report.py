@@ -62,7 +62,7 @@ def next_step(nodes: Iterable[Node], has_foreign_master: bool) -> str:
     steps = ["switch the other program off"] if has_foreign_master else []
     steps.append("remove the cause")
     if any(node.state in (State.FAULT, State.REACTION) for node in nodes):
-        steps.append("reset with `twin hil reset FILE`")
+        steps.append("reset with `twin hil reset -f FILE`")
     homing = [node for node in nodes if node.keys.homing is not None and node.started]
     lost = ", ".join(node.name for node in homing if not node.has_reference)
     homed = ", ".join(node.name for node in homing if node.has_reference)

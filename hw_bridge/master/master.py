@@ -45,7 +45,7 @@ SHORTEST = 0.75
 # In simulated time cycles begin here in those of the drives [ns], so that results do not depend on how long the set-up
 # took. At 1 Mbit/s targets act 1.0 ms later; real drives have any phase.
 CONTROL_CYCLE, PHASE = MILLISECOND, 990_000
-RESET = "Find the cause, then reset it with `twin hil reset FILE`."
+RESET = "Find the cause, then reset it with `twin hil reset -f FILE`."
 
 
 class Master:

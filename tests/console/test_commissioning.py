@@ -26,7 +26,17 @@ from hw_bridge.command.commissioning_steps import (
 )
 from hw_bridge.command.live_motion import LiveMotion
 from hw_bridge.command.pages import PANEL
-from hw_bridge.command.running_card import EXPIRED, jog_state, listed, parts, result, state_text, wrapped
+from hw_bridge.command.running_card import (
+    CLOSE_PAGES,
+    EXPIRED,
+    listed,
+    motion_state,
+    output_lines,
+    parts,
+    result,
+    state_text,
+    wrapped,
+)
 from hw_bridge.command.typed import MOVES, settled
 from hw_bridge.commission import axis
 from hw_bridge.hardware import load
@@ -167,17 +177,18 @@ def test_an_orderly_end_and_a_stop(typed):
     until(lambda: "Operation enabled" in one.text, meanwhile=lambda: one.here(0.0))
     one.end()
     until(lambda: not one.running, meanwhile=lambda: one.here(0.0))
-    assert one.text.endswith("axis: stopped and disabled.\n")
+    assert one.text.endswith("axis: stopped and disabled, at 0.00 mm from start.\n")
     one.begin("enable", "axis")
     until(lambda: "Operation enabled" in one.text, meanwhile=lambda: one.here(0.0))
     one.console.stop()  # what STOP does
     until(lambda: not one.running)
     assert "interrupted" in one.text
     kind, text = result(one)
-    assert kind == "neutral"
-    assert re.fullmatch(
-        r"enable axis: stopped by STOP or Esc\. Power is off \(Switch on disabled\), at \S+ mm from start\.", text
-    )
+    assert kind == "warn"
+    what, state, command = text.split("\n")
+    assert what == "enable axis: stopped by STOP or Esc."
+    assert re.fullmatch(r"Power is off \(Switch on disabled\), at \S+ mm from start\.", state)
+    assert command == "Next: enable."
     assert (one.motion.state, one.motion.direction) == ("Switch on disabled", "")
     assert one.done[0][2] == 130
 
@@ -252,10 +263,13 @@ def test_how_a_command_has_ended():
     assert parts(typed)[0] == ""  # the sentence above the output has it
     silent, left = (
         "error: the operator's page has not answered for 502 ms: stopped.",
-        " axis: power is off (Ready), at 1 mm.",
+        "  axis: power is off (Ready), at\n  1 mm.\n  Next, once the cause is removed:\n  twin hil jog axis -f b.yaml\n",
     )
-    typed.text, typed.outputs = silent + left, [silent + left]
-    assert result(typed) == ("neutral", f"jog axis: stopped: {PAGE}.{left}")
+    typed.text, typed.outputs = f"{silent}\n{left}", [f"{silent}\n{left}"]
+    lines = "Power is off (Ready), at 1 mm.\nNext, once the cause is removed: jog."
+    assert result(typed) == ("warn", f"jog axis: stopped: {PAGE}.\n{lines}\n{CLOSE_PAGES}")
+    typed.text = f"error: jammed.\n{left}"
+    assert result(typed) == ("bad", f"✗ jog axis: jammed.\n{lines}")
     assert "<b>stopped</b>" in listed(typed)
     typed.text = f"warning: axis: does not stand.\n{silent}"
     assert result(typed)[0] == "bad"
@@ -265,10 +279,23 @@ def test_how_a_command_has_ended():
     typed.motion.directions.add("negative")
     assert result(typed) == ("good", "✓ jog axis: done")
     typed.done[0] = (2.0, "", 130)
-    assert result(typed) == (
-        "neutral",
-        "jog axis: stopped by STOP or Esc. It did not report the state of the drive: run status.",
-    )
+    stopped = "jog axis: stopped by STOP or Esc.\n"  # amber, but red where power may be on
+    assert result(typed) == ("bad", f"{stopped}It did not report the state of the drive: run status.")
+    for text, kind, line in (
+        ("axis: stopped before power.", "warn", "Nothing was enabled."),
+        (
+            "axis: power is off (Ready), at\n1 mm.\nNext: twin hil status\nThen: twin hil home\naxis: restored\n",
+            "warn",
+            "Power is off (Ready), at 1 mm.\nNext: status, then home.",
+        ),
+        (
+            "axis: last state Fault. Check it.\nNext: twin hil status\ninterrupted\n",
+            "bad",
+            "Last state Fault. Check it.\nNext: status.",
+        ),
+    ):
+        typed.text = text
+        assert result(typed) == (kind, f"{stopped}{line}")
     typed.done[0] = (2.0, "", -9)
     assert "was killed (signal 9) and restored nothing" in result(typed)[1]
     typed = SimpleNamespace(
@@ -312,6 +339,23 @@ def test_of_two_steps_of_a_command_one_may_be_skipped():
 def test_live_values_are_as_wide_as_the_other_output():
     line = "> position      26.73 mm from reference, velocity  2.04 mm/s, current  0.100 A, Operation enabled   upper end   "
     assert [len(row) <= 80 for row in wrapped(f"a: {'b' * 90}\n{line}\r").split("\n")] == [False, True, True]
+
+
+def test_sentences_of_the_output_wrap_at_the_width_of_the_page():
+    first, rest = "note: the motor and the drive, " * 2 + "and others, and more", "than that."
+    rows = [
+        "  607Dh.1  Min position limit  -2 mm",
+        "  ---------------",
+        "  1.  to the end stop",
+        "  it is wide.",
+        "a",
+        "b",
+    ]
+    lines = (
+        output_lines("\n".join([first, f"  {rest}", *rows])).replace("\n", "").removesuffix("</div>").split("</div>")
+    )
+    assert lines[0] == f"<div>{first} {rest}"
+    assert ["class" in line for line in lines] == [False, True, True, False, False, False, False]
 
 
 def test_a_step_that_a_drive_has_not_got_says_why(typed):
@@ -395,14 +439,31 @@ def test_a_jog_says_what_it_does(typed, last, text):
     """Its button is not shown as held after its dead-man switch has ended the motion, as long as renewals of this press come."""
     one = typed()
     one.word, one.node, one.running = "jog", "axis", True
-    assert jog_state(one) == ("neutral", "powering on ... Keys have no effect yet.")
+    assert motion_state(one) == ("neutral", "powering on ... Keys have no effect yet.")
     one.text = f"axis: hold a button; -10.00 mm to 10.00 mm.\n{last}"
     one.motion.process_output(f"{last}\r")
+    assert motion_state(one)[1] != "ready: hold an arrow key or a button" or one.motion.state == "Operation enabled"
+    one.motion.state = "Operation enabled"
     one.hold("jog axis", 1.0, 1, 0.0)
     assert one.held == ({} if text is EXPIRED else {"jog axis": 1.0})
-    assert jog_state(one) == ("good" if text.startswith("ready") else "warn", text)
-    one.running = False
-    assert jog_state(one) == ("neutral", "")
+    assert motion_state(one) == ("good" if text.startswith("ready") else "warn", text)
+    one.motion.begin()
+    one.motion.process_output(
+        "  position 9.99 mm from start, velocity 0.00 mm/s, current 0.10 A, Operation enabled   \r"
+    )
+    one.motion.process_output(
+        "  position 9.99 mm from start, velocity 0.00 mm/s, current 0.10 A, Switch on disabled   \r"
+    )
+    assert motion_state(one)[1].startswith("Switch on disabled: keys have no effect.")
+    one._page = object()
+    one.word = "move"  # of a jog its dead-man switch says it
+    one._late = (0.4, time.monotonic())
+    assert motion_state(one) == (
+        "warn",
+        "This page answers late: 0.4 s. After 0.5 s the motion is stopped. Close other pages.",
+    )
+    one._page, one.running = None, False
+    assert motion_state(one) == ("neutral", "")
 
 
 def test_a_move_needs_one_goal():

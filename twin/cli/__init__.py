@@ -189,7 +189,8 @@ def run_command(command: click.Command, name: str) -> int:
         return error.exit_code
     except (TwinError, OSError, MemoryError) as error:
         for line in error_lines(error):
-            show_error(line)
+            details = line.removeprefix("  ")  # of the line before
+            show_error(details, "error: " if details == line else "  ")
         return 1
     except (click.Abort, KeyboardInterrupt):  # Abort is a subclass of RuntimeError
         return report_interruption()

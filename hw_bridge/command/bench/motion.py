@@ -14,9 +14,11 @@ from hw_bridge.command.bench.single_axis import (
     ORIGIN,
     REFERENCE,
     START,
+    end_live,
     page_watchdog,
     select_axis,
     show_live,
+    shows_live,
     single_axis_session,
 )
 from twin.cli import say
@@ -122,7 +124,10 @@ def move_command(
             f"{session.node.name}: from {session.node.format_length(begin)} to {session.node.format_length(goal)} at "
             f"{axis.format_quantity(speed, '/s')}; positions count {session.origin}."
         )
+        if shows_live():
+            session.master.attend = partial(show_live, session)
         there = session.move(goal, speed, rate)
+        end_live(session)
         furthest = max(abs(sample.target - sample.position) for sample in session.samples)
         say(
             f"{session.node.name}: is at {session.node.format_length(there)}, largest following error "

@@ -12,6 +12,7 @@ from typing import IO, TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from hw_bridge.commission import node_number
 from hw_bridge.hardware import HardwareKeys, load
 from hw_bridge.profiles import DRIVE_PROFILES
 from twin.cli import say
@@ -22,13 +23,14 @@ if TYPE_CHECKING:
 
     from hw_bridge.bus import Network
     from hw_bridge.commission import SdoSession
+    from hw_bridge.hardware import ModuleKeys, NodeKeys
 
 WIDTH = 80  # columns of a terminal
 LABEL = re.compile(r"(note|differs|warning|refused|not restored): ")  # of a paragraph whose further lines are indented
 REMEDY = re.compile(  # commands in messages of packages that do not hold the command line
     r"twin hil (?:disable|restore|store|dump|(?P<moves>jog)) \w++(?! -)|twin hil set \w++ [\w.]++ (?:'[^']*'|\w++)(?! -)"
 )
-PLACEHOLDER = re.compile(r"(?<=twin hil reset )FILE\b|(?<= -f )FILE\b")
+PLACEHOLDER = re.compile(r"(?<= -f )FILE\b")
 LAST, NARROWEST = 24, 12  # least columns of the last column, and of others that are wrapped
 
 
@@ -56,6 +58,11 @@ class BusChoice:
     def keys(self) -> HardwareKeys | None:
         """The hardware file, if one is named."""
         return load(self.hardware) if self.hardware is not None else None
+
+    @property
+    def stations(self) -> dict[str, NodeKeys | ModuleKeys]:
+        """Drives and modules of the hardware file by name, none without one."""
+        return {name: station for _, name, station in self.keys.stations()} if self.keys is not None else {}
 
     @property
     def is_software(self) -> bool:
@@ -117,9 +124,8 @@ class BusChoice:
         """Open an SDO session on the bus."""
         from hw_bridge.commission import BOOT, SdoSession
 
-        nodes = {name: station for _, name, station in self.keys.stations()} if self.keys is not None else {}
         with self.network() as network:
-            sdo_session = SdoSession(network, nodes)
+            sdo_session = SdoSession(network, self.stations)
             if not network.wall_clock:  # its drives are switched on with the bus
                 sdo_session.wait(BOOT)
             yield sdo_session
@@ -199,6 +205,8 @@ def on_a_bus(function: Callable[..., Any]) -> Callable[..., Any]:
             hardware = None
         bus = BusChoice(hardware, interface, channel, bitrate, named(options), trace, build)
         try:
+            if isinstance(node := others.get("node"), str):  # before the bus is opened
+                node_number(node, bus.stations)
             return function(bus, **others)
         except SimulationError as error:
             raise SimulationError(bus.complete(str(error))) from error

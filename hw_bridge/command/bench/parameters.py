@@ -23,6 +23,7 @@ FILE = click.argument("file", type=click.Path(dir_okay=False, path_type=Path), m
 SWITCHING = click.option(
     "--arm", is_flag=True, help="Confirm that valves and brakes may switch and nobody is in their way."
 )
+YES = click.option("--yes", is_flag=True, help="Do not ask for confirmation.")
 RAM = "It is lost when the drive is switched off. Keep it: twin hil store"
 
 
@@ -266,14 +267,20 @@ def restore_file(
         sys.exit(1)
 
 
+def is_terminal() -> bool:
+    """Whether a person can be asked."""
+    return sys.stdin.isatty()
+
+
 @click.command("store")
 @NODE
 @click.argument("file", required=False, type=click.Path(dir_okay=False, path_type=Path), metavar="[FILE.dcf]")
+@YES
 @on_a_bus
-def store_command(bus: BusChoice, node: str, file: Path | None) -> None:
+def store_command(bus: BusChoice, node: str, file: Path | None, yes: bool) -> None:
     """Store all parameters of NODE in its nonvolatile memory (1010h.1). Show what differs from FILE or its last dump.
 
-    Refused while a program drives NODE, and while NODE has values that a run wrote and did not restore.
+    A terminal asks for confirmation then. Refused while a program drives NODE, and while NODE has values that a run wrote and did not restore.
     """
     from hw_bridge.commission import dcf, nvm, objects
 
@@ -293,6 +300,8 @@ def store_command(bus: BusChoice, node: str, file: Path | None) -> None:
             rows = difference_rows(station, dcf.differences(station, wanted))
             say(f"{station.name}: {len(rows)} objects differ from {'its last dump' if file is None else file}:")
             table([("object", "name", "drive", "dump"), *rows] if rows else [], 2, head=True)
+        if not yes and is_terminal():
+            click.confirm(f"{station.name} keeps these values when it is switched off. Go on?", abort=True)
         nvm.store(station, bus.journals)
         say(f"{station.name}: all parameters are stored.")
 
@@ -300,7 +309,7 @@ def store_command(bus: BusChoice, node: str, file: Path | None) -> None:
 @click.command("defaults")
 @NODE
 @click.option("--restart", is_flag=True, help="Restart the drive now, so that they take effect.")
-@click.option("--yes", is_flag=True, help="Do not ask for confirmation.")
+@YES
 @on_a_bus
 def defaults_command(bus: BusChoice, node: str, restart: bool, yes: bool) -> None:
     """Restore the delivery state of NODE (1011h.1). It takes effect at the next start of the drive.

@@ -11,6 +11,7 @@ from hw_bridge.command.bench.single_axis import (
     ARM,
     ORIGIN,
     assert_armed,
+    end_live,
     hardware,
     page_watchdog,
     select_axis,
@@ -103,6 +104,7 @@ def home_command(bus: BusChoice, node: str, explain: bool, arm: bool) -> None:
     assert_armed(bus, arm)
     with single_axis_session(bus, axis, arm, homes=True, start=end) as session:
         drive = session.node
+        end_live(session)
         say(
             f"{axis.name}: homed at {axis.format_quantity(own.homing.at)}. It is at "
             f"{drive.format_length(drive.position)}; 6064h is {drive.raw_position}."

@@ -27,15 +27,16 @@ SERIAL = "hw_bridge.serial"  # of click's context
 REFERENCE, START = "reference", "start"  # what positions count from, where the command line says so
 REPEATED = ("jog", "enable", "direction")  # their next command after a stop is the same; of a target it may be another
 REFERENCE_VALID = "The reference is kept."  # after a stop
+LOST, NOT_HOMED = "lost", "not homed"  # of a reference: it was there before, or not
 LINE_PERIOD = 100_000_000  # of the line with live values in a terminal [ns]
 PAGE_PERIOD = 50_000_000  # and on a page, which draws them [ns]
 LIVE_VALUES = re.compile(  # what `show_live` prints for a page
     r"(?P<mark>[<> ]) position +(?P<position>\S+) (?P<unit>\S+) (?P<origin>[a-z ]+), velocity +(?P<velocity>\S+ \S+), "
     r"current +(?P<current>\S+) A, (?P<state>.+?)   "
 )
-AFTER_STOP = re.compile(  # state, position and reference in the text of `after_stop`, which a page shows
-    r": ((?:power is off|last state) .*?)(?:;| Next| warning: | interrupted|$)"
-)
+# state and commands of `after_stop` as they are printed
+STATE_AFTER_STOP = re.compile(r"^ *\S+: ((?:power is off|last state) .*?)\n *Next", re.MULTILINE | re.DOTALL)
+COMMAND_AFTER_STOP = re.compile(r"^ *((?:Next|Then)[^:\n]*:)\s+twin hil (\w+)", re.MULTILINE)
 
 
 def attach_page_watchdog(context: click.Context, _option: click.Parameter, end: int | None) -> None:
@@ -179,7 +180,7 @@ def single_axis_session(
         if check is not None:
             check(here if counts_from_reference else None)
         if not homes and axis.keys.homing is not None and not keys.simulated:
-            say_origin(axis, origin, problem, here)
+            say_origin(axis, origin, problem, here, reference.is_recorded)
         session = SingleAxisSession(restrict_to_node(keys, name, homes), name, network, axis.rotary, forced)
         session.node.has_reference = not (homes or problem)  # until the stop, which finds whether it is lost
         session.master.before_power = reference.forget
@@ -187,6 +188,8 @@ def single_axis_session(
         if page is not None:
             session.paced = True  # it is watched, and can be stopped
             session.master.attend = partial(attend, page, session)
+        elif homes and shows_live():
+            session.master.attend = partial(show_live, session)
         with (
             reported_end(bus, session, reference, homes, not problem),
             session.enabled(start, axis.keys if counts_from_reference else None),
@@ -194,7 +197,6 @@ def single_axis_session(
             yield session
     if session.master.notes:
         sys.exit(1)
-    say(f"{name}: stopped and disabled.")
 
 
 @contextmanager
@@ -204,25 +206,37 @@ def reported_end(
     """Print how the block ended: the drive's state and reference, what was recovered, and the master's warnings."""
     name, keys = session.node.name, hardware(bus)
     can_home = homes or was_homed or (keys.nodes[name].homing is not None and not keys.simulated)
-    lost = f"{'The reference is lost' if was_homed else 'It is not homed'}: {command_line(bus, 'home', name)}"
+    lost = f"The reference is {LOST}." if was_homed else f"It is {NOT_HOMED}."
     lost = lost if can_home else ""
     try:
         yield
         show_final(session)
-        if not save_reference(session, reference, was_homed) and lost:
-            say(f"{name}: {lost}")
+        text = "" if save_reference(session, reference, was_homed) else lost
+        if not session.master.notes:
+            where = f", at {session.node.format_length(session.node.position)} {session.origin}"
+            paragraph(f"{name}: stopped and disabled{where}. {text}")
+        if text:
+            say(f"Home it: {command_line(bus, 'home', name)}")
     except KeyboardInterrupt:
         show_final(session)
-        say()  # a jog leaves its last line open
+        say()  # a motion leaves its last line open
         text = REFERENCE_VALID if save_reference(session, reference, was_homed) else lost
-        paragraph(after_stop(bus, session, text, "").strip() or f"{name}: stopped before power.")
+        state, *commands = after_stop(bus, session, text, "") or [f"{name}: stopped before power."]
+        paragraph(state)
+        for command in commands:
+            say(command)
         raise
     except SimulationError as error:
         show_final(session)
-        if page_watchdog() is not None:
+        if page_watchdog() is not None or session.next_line:
             say()  # the error does not overwrite the last live values
         text = REFERENCE_VALID if save_reference(session, reference, was_homed) else lost
-        raise SimulationError(f"{error}{after_stop(bus, session, text)}") from error
+        state, *commands = after_stop(bus, session, text) or [""]
+        lines = [
+            f"{label}: {unbroken('twin ' + line)}"
+            for label, _, line in (line.partition(": twin ") for line in commands)
+        ]
+        raise SimulationError("\n  ".join(filter(None, (str(error), state, *lines)))) from error
     finally:
         for text in session.master.recovered:
             paragraph(text)
@@ -230,14 +244,21 @@ def reported_end(
             paragraph(bus.complete(f"warning: {note}"))
 
 
-def say_origin(axis: Axis, origin: str | None, problem: str, here: float) -> None:
-    """Print what positions and limits count from, where that is not the reference, or where it stands outside of the limits."""
+def unbroken(line: str) -> str:
+    """A command that an error message does not wrap: it stays on one line, to be copied."""
+    return line.replace(" ", "\N{NO-BREAK SPACE}")
+
+
+def say_origin(axis: Axis, origin: str | None, problem: str, here: float, was_recorded: bool) -> None:
+    """Print what positions and limits count from, where that is not the reference, or where it stands outside of the limits.
+
+    `was_recorded`: why a reference that this program has found is not valid any more is printed, too.
+    """
     name, (low, high) = axis.name, axis.keys.limits.position
     if problem:
-        paragraph(
-            f"{name}: positions and limits count from here, an end stop may be nearer: {problem} It is "
-            f"{axis.format_quantity(here)} from where it was switched on, if 6064h counts from there."
-        )
+        paragraph(f"{name}: {NOT_HOMED}. Limits count from here: an end stop may be nearer.")
+        if was_recorded:
+            paragraph(f"note: {name}: its reference is no longer valid: {problem}")
     elif origin == START:
         paragraph(f"note: {name}: --from-start: positions and limits count from here, an end stop may be nearer.")
     elif not low <= here <= high:
@@ -268,8 +289,8 @@ def save_reference(session: SingleAxisSession, reference: Reference, was_homed: 
 
 def after_stop(
     bus: BusChoice, session: SingleAxisSession, reference: str, condition: str = ", once the cause is removed"
-) -> str:
-    """Return the state in which a motion that did not end by itself has left the drive, and the next command.
+) -> list[str]:
+    """Return lines on how a motion that did not end by itself has left the drive, and the next commands in their order.
 
     Empty if the drive was never reached. A motion to a target is not recommended again: it may count from another position.
     """
@@ -277,20 +298,19 @@ def after_stop(
 
     node = session.node
     if not node.started:
-        return ""
-    if node.state not in cia402.AT_REST or session.master.notes:
-        return f" {node.name}: last state {node.state}. Check it before you touch it. {reference}".rstrip()
+        return []
     word = click.get_current_context().info_name
-    command = f"twin hil status {node.name} -f {bus.hardware}"
-    if node.state is State.FAULT:
-        command = f"twin hil reset {bus.hardware}"
-    elif word in REPEATED:
-        command = command_line(bus, word, node.name)
-    position = f"{node.format_length(node.position)} {session.origin}"
-    return (
-        f" {node.name}: power is off ({node.state}), at {position}. {reference}"
-        f"{'; next' if reference and not reference.endswith('.') else ' Next' if reference else 'Next'}{condition}: {command}"
-    )
+    state, command = "last state {}. Check it before you touch it", f"twin hil status {node.name} -f {bus.hardware}"
+    if node.state in cia402.AT_REST and not session.master.notes:
+        state = f"power is off ({{}}), at {node.format_length(node.position)} {session.origin}"
+        if node.state is State.FAULT:
+            command = f"twin hil reset -f {bus.hardware}"
+        elif word in REPEATED:
+            command = command_line(bus, word, node.name)
+    lines = [f"{node.name}: {state.format(node.state)}. {reference}".rstrip(), f"Next{condition}: {command}"]
+    if reference and reference != REFERENCE_VALID:
+        lines.append(f"Then: {command_line(bus, 'home', node.name)}")
+    return lines
 
 
 def attend(page: PageWatchdog, session: SingleAxisSession) -> None:
@@ -309,7 +329,7 @@ def show_final(session: SingleAxisSession) -> None:
 def show_live(session: SingleAxisSession, is_page: bool = False, is_final: bool = False) -> None:
     """Print position, velocity, current and the session's note on one line, again and again; on a page also the state."""
     node, now = session.node, session.network.now
-    if not is_final and (now < session.next_line or (is_page and session.counts_anew())):
+    if not is_final and (now < session.next_line or session.counts_anew()):
         return
     session.next_line = now + (PAGE_PERIOD if is_page else LINE_PERIOD)
     speed = 0.0 if is_final else session.ramp.velocity
@@ -320,9 +340,20 @@ def show_live(session: SingleAxisSession, is_page: bool = False, is_final: bool 
     if is_page:
         values = f"position {position:>10} {session.origin}, velocity {speed_text:>9}, current {current:6.3f} A, {node.state}"
     else:
-        values = f"{position:>14} {speed_text:>14} {current:8.2f} A"
+        values = f"{position:>10} {session.origin:<14} {speed_text:>12} {current:6.2f} A"
     sys.stdout.write(f"\r{mark} {values}   {session.note:<27}{chr(13) if is_page else ''}")
     sys.stdout.flush()
+
+
+def shows_live() -> bool:
+    """Whether a motion to a target shows its live values on a line of a terminal."""
+    return page_watchdog() is None and sys.stdout.isatty()
+
+
+def end_live(session: SingleAxisSession) -> None:
+    """Remove the line of live values from a terminal: what follows says where the drive is."""
+    if session.next_line and page_watchdog() is None:
+        sys.stdout.write("\r\033[K")
 
 
 def check_before_power(sdo_session: SdoSession, axis: Axis, path: object) -> bool:
@@ -340,7 +371,7 @@ def check_before_power(sdo_session: SdoSession, axis: Axis, path: object) -> boo
     in_fault = state_of(node.sdo.number(0x6041) & 0xFFFF) in (State.FAULT, State.REACTION)
     assert_not_driven(node)
     if not in_fault and (text := pending_error(node)):
-        raise SimulationError(f"{text} Reset it first: twin hil reset {path}")
+        raise SimulationError(f"{text} Reset it first: twin hil reset -f {path}")
     wider_limits = list(limits.wider(node, limits.compare(node)))
     if absurd := [text for text, is_absurd in wider_limits if is_absurd]:
         raise SimulationError(absurd)

@@ -126,7 +126,9 @@ def test_a_run_after_a_fault_needs_no_new_homing(make, profile):
     rig = make(profile)
     code, told, homed = rig.fails_with(HEAT[profile])
     assert (code, homed) == (1, True), told
-    assert "next: remove the cause, reset with `twin hil reset FILE`, run again (not homed again: servomotor)." in told
+    assert (
+        "next: remove the cause, reset with `twin hil reset -f FILE`, run again (not homed again: servomotor)." in told
+    )
     rig.reset()
     code, told, homed = rig.ended(rig.started(1))
     assert (code, homed) == (0, False), told

@@ -178,6 +178,18 @@ def test_what_a_run_would_write_is_shown(capsys):
     assert "limits.velocity" not in brief.partition("object ")[2]
 
 
+def test_the_drives_own_position_limits_are_shown_from_home_too(capsys):
+    """The number in the drive counts from its own zero and is a tenth wider: it looks wrong beside the file's."""
+    limits = {"position": ["-35 mm", "35 mm"], "acceleration": "3 m/s^2"}
+    node = unconnected_node(limits=limits, units={"acceleration": "1 mm/s^2"}, homing={"method": -3, "at": "-40 mm"})
+    master = SimpleNamespace(keys=keys_of(node), plan=lambda station: plan_drive(station, 5 * MILLISECOND, 127))
+    hil.unready(master, node).show(verbose=False)
+    text = " ".join(capsys.readouterr().out.split())
+    assert "607Dh.1 Min position limit no limit -2 mm, -42 mm from home 607Dh.2" in text
+    assert "82 mm, 42 mm from home" in text
+    assert "607Dh counts in the drive, and is a tenth of the range wider than limits.position, -35 mm to 35 mm," in text
+
+
 @pytest.mark.parametrize(("own", "is_softer"), [(10_000, True), (3_000, False), (2_000, False)])
 def test_a_quick_stop_that_is_softer_than_the_drives_own_is_noted(own, is_softer):
     node = unconnected_node(

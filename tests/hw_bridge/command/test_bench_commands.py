@@ -65,13 +65,17 @@ class Moves:
     def __init__(self, node):
         self.node, self.h, self.cycle = node, 0.005, 5_000_000
         self.network, self.next_line, self.note = SimpleNamespace(now=0), 0, ""
-        self.origin, self.mean_velocity = "from start", lambda: 0.0
+        self.origin, self.mean_velocity, self.counts_anew = "from start", lambda: 0.0, lambda: False
+        self.master = SimpleNamespace(attend=None)
         self.keys = SimpleNamespace(limits=SimpleNamespace(position=[-0.02, 0.03]))
         node.raw_position = 1000
         self.ramp, self.samples, self.positions, self.moves, self.rests = Ramp(0.001, 4.0, 4.0), [], [], [], 0
 
     def move(self, goal, speed, acceleration):
         self.moves.append((goal, speed, acceleration))
+        if self.master.attend is not None:
+            self.network.now += 1
+            self.master.attend()
         self.samples = [SimpleNamespace(target=0.0, position=position) for position in (0.1e-3, -0.25e-3, 0.2e-3)]
         return goal + 1e-5
 
@@ -101,6 +105,23 @@ def test_a_move(run, words, goal, speed, rate):
         f"axis: from 1.00 mm to {1e3 * goal:.2f} mm at {1e3 * speed:g} mm/s; positions count from start. "
         f"axis: is at {1e3 * goal + 0.01:.2f} mm, largest following error 0.25 mm."
     )
+
+
+def test_a_move_in_a_terminal_shows_where_it_is_on_one_line(run, monkeypatch):
+    monkeypatch.setattr(motion, "shows_live", lambda: True)
+    before, live, after = run("move", "axis", "--by", "1 mm").partition("1.00 mm from start 0.00 mm/s")
+    assert "positions count from start." in before
+    assert live
+    assert "\x1b[K" in after  # it is gone when the result is printed
+
+
+def test_a_misspelled_node_is_refused_before_the_bus_is_opened(tmp_path, monkeypatch):
+    path = tmp_path / "own.yaml"
+    path.write_text(FILE)
+    monkeypatch.setattr(BusChoice, "network", lambda _: pytest.fail("it was opened"))
+    for words in (["status"], ["disable"], ["move", "--by", "1 mm"], ["get", "6064h"]):
+        done = CliRunner().invoke(hil.command, [words[0], "axs", *words[1:], "-f", str(path)])
+        assert "Did you mean 'axis'?" in str(done.exception)
 
 
 @pytest.mark.parametrize(
@@ -382,7 +403,7 @@ def test_what_is_typed_counts_before_the_environment(tmp_path, monkeypatch, word
 
     monkeypatch.setattr(BusChoice, "sdo_session", sdo_session)
     given = {"TWIN_HARDWARE": str(path)} if environment else {}
-    done = CliRunner().invoke(hil.command, ["disable", "axis", *words], env=given)
+    done = CliRunner().invoke(hil.command, ["disable", "3", *words], env=given)
     assert done.exit_code == 0, done.output
     (bus,) = chosen
     assert bus.hardware == (path if file else None)
@@ -397,7 +418,7 @@ def test_what_is_typed_counts_before_the_environment(tmp_path, monkeypatch, word
         ("`twin hil disable 3` brings it to rest", True, "`twin hil disable 3 -f b.yaml` brings it to rest"),
         ("(twin hil jog axis). Else", True, "(twin hil jog axis -f b.yaml --arm). Else"),
         ("twin hil set 3 605Ah 2.", False, "twin hil set 3 605Ah 2 -f b.yaml."),
-        ("with `twin hil reset FILE`.", False, "with `twin hil reset b.yaml`."),
+        ("with `twin hil reset -f FILE`.", False, "with `twin hil reset -f b.yaml`."),
         ("twin hil restore axis -f FILE.", False, "twin hil restore axis -f b.yaml."),
         ("twin hil home axis -f c.yaml", False, "twin hil home axis -f c.yaml"),
     ],

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from hw_bridge.command import pages, step_order
 from hw_bridge.command.bench.motion import READY
 from hw_bridge.command.pages import SIMULATED, TITLE, Page, fill
 from hw_bridge.command.progress import Outcome
@@ -22,6 +23,7 @@ LIMITS = "{position: [-20 mm, 30 mm], velocity: 100 mm/s, acceleration: 4 m/s^2}
 HOMING = ", homing: {method: 37, at: 4 mm}"
 REAL = "interface: socketcan\nchannel: can0"
 MOTIONS = ["power on for a jog", "move", "home", "step"]
+LINE = "  position 1.00 mm from start, velocity 0.00 mm/s, current 0.00 A, Operation enabled   \r"
 READING = ["scan", "status", "dump", "compare", "check"]
 CHAIN = "Do step 5 (check), then 6 (direction, push) or 7 (direction, by hand)"
 BUTTONS = [*READING, "push", "by hand", *MOTIONS, "reset", "restore", "enable", "disable"]
@@ -47,6 +49,14 @@ def typed(tmp_path, monkeypatch):
         return made
 
     return make
+
+
+class Commissioned(Page):
+    """The page after its person has skipped the steps before motion."""
+
+    def __init__(self, *given):
+        super().__init__(*given)
+        self.commissioned.add("axis")
 
 
 @pytest.fixture
@@ -76,7 +86,7 @@ def build():
             html=[element.content for element in elements if isinstance(element, ui.html)],
             inputs=[(element.props["label"], element.value, element.props["hint"]) for element in inputs],
             boxes=[element.text for element in elements if isinstance(element, ui.checkbox)],
-            enabled={element.text: element.enabled for element in buttons},
+            enabled={element.text: element.enabled for element in buttons if element.text},
             controls=[element.props["controls"] for element in elements if "controls" in element.props],
             buttons=buttons,
             charts=[element.parent_slot.parent.visible for element in elements if isinstance(element, web.Chart)],
@@ -99,12 +109,26 @@ def test_a_simulated_bench(typed, build):
         "compare",
         "push",
         *MOTIONS,
+        "enable",
     }
     assert page.labels.count("Dump first.") == 2
     assert page.labels.count(f"{CHAIN}, then 8 (jog) first.") == 3
-    (switch,) = page.switches
-    switch.value = True  # it was commissioned before
-    assert {button.text for button in page.buttons if not button.enabled} == {"by hand", "compare", "move"}
+    assert not any(label.startswith("Not checked") for label in page.labels)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pages, "Page", Commissioned)
+        page = build(runner)
+    assert {name for name, enabled in page.enabled.items() if not enabled} == {"by hand", "compare", "move"}
+    cautions = [label for label in page.labels if label.startswith("Not checked")]  # amber, at each motion
+    risk = "it may move the wrong way"
+    assert cautions.count("Not checked: check.") == 2
+    assert cautions.count(f"Not checked: check, direction: {risk}.") == 2  # a jog, and power on
+    assert cautions.count(f"Not checked: check, direction, jog: {risk}.") == 3
+    looks = {step.props["name"]: step.props.get("caption") for step in page.stepper.default_slot.children}
+    assert [title for title, caption in looks.items() if caption == "skipped: not checked"] == [
+        "check",
+        "direction, push",
+        "jog",
+    ]
     for line in (f"check {runner.file}", f"direction axis -f {runner.file}", f"jog axis -f {runner.file}"):
         runner.progress.record(f"twin hil {line}", "axis", Outcome.DONE)
     page = build(runner)
@@ -117,7 +141,7 @@ def test_a_simulated_bench(typed, build):
     runner.progress.record(f"twin hil compare axis -f {runner.file}", "axis", Outcome.DONE)
     assert build(runner).stepper.value == "move"  # one kind of direction is enough
     assert len(page.buttons) == len(READING) + len(BUTTONS)
-    assert page.html[2] == '<p class="twin-state twin-good">simulated drives</p>'
+    assert page.html[3] == '<p class="twin-state twin-good">simulated drives</p>'
     assert page.labels[-1] == "Each button runs the command that you would type; it is shown here."
     begin = page.labels.index("bench.yaml")
     assert page.labels[begin : begin + 5] == [
@@ -152,7 +176,7 @@ def test_a_simulated_bench(typed, build):
     ("arm", "kind", "text", "off"),
     [
         (False, "good", "not armed: nothing moves from here", {"compare", "push", "by hand", "enable", *MOTIONS}),
-        (True, "warn", "armed: drives may move", {"compare", "push", "by hand", *MOTIONS}),
+        (True, "warn", "armed: drives may move", {"compare", "push", "by hand", "enable", *MOTIONS}),
     ],
 )
 def test_a_real_bench_without_homing(typed, build, arm, kind, text, off):
@@ -164,6 +188,28 @@ def test_a_real_bench_without_homing(typed, build, arm, kind, text, off):
     assert page.labels.count("Real drives, not armed: end this console and start it with --arm.") == (0 if arm else 5)
     assert any(label.startswith("axis: has no `homing` in the hardware file.") for label in page.labels)
     assert f"{runner.file}: socketcan can0" in page.labels
+
+
+def test_steps_are_skipped_after_a_question_that_names_them(typed, monkeypatch):
+    runner, asked, switch = typed(homing=HOMING), [], SimpleNamespace(value=True)
+    page = Page(runner.console, lambda: True, runner)
+
+    async def confirm(question):
+        asked.append(question)
+        return len(asked) > 1
+
+    monkeypatch.setattr(step_order, "confirm", confirm)
+    asyncio.run(step_order.change_order(page, "axis", switch, True))
+    assert (page.commissioned, switch.value) == (set(), False)
+    assert "step 5 (check), 6 (direction, push) or 7 (direction, by hand), 8 (jog)." in asked[0][0]
+    asyncio.run(step_order.change_order(page, "axis", switch, True))
+    assert page.commissioned == {"axis"}
+    asyncio.run(step_order.change_order(page, "axis", switch, False))
+    assert page.commissioned == set()
+    for line in ("check", "direction axis", "jog axis"):
+        runner.progress.record(f"twin hil {line} -f {runner.file}", "axis", Outcome.DONE)
+    asyncio.run(step_order.change_order(page, "axis", switch, True))  # nothing is skipped
+    assert (page.commissioned, len(asked)) == ({"axis"}, 2)
 
 
 def test_buttons_begin_commands(typed, build, monkeypatch):
@@ -204,7 +250,7 @@ def test_buttons_begin_commands(typed, build, monkeypatch):
 
 def test_the_numbers_of_the_steps_say_what_has_become_of_them(typed, build):
     runner = typed()
-    check, scan = f"twin hil check {runner.file}", f"twin hil scan -f {runner.file}"
+    check, scan = f"twin hil check -f {runner.file}", f"twin hil scan -f {runner.file}"
     runner.progress.record(scan, "", Outcome.DONE)
     runner.progress.record(check, "", Outcome.FAILED)
     runner.line, runner.running = f"twin hil status axis -f {runner.file}", True
@@ -324,6 +370,8 @@ def test_the_card_of_a_running_command(typed, build):
     assert {name for name, enabled in page.enabled.items() if enabled} == {"End"}
     assert (page.enabled["End"], page.spins, page.controls) == (True, False, [])
     runner.text = f"axis: {READY}"
+    assert build(runner).controls == []  # it has not reported Operation enabled
+    runner.motion.process_output(LINE)
     page = build(runner)
     assert page.labels[0] == "ready: hold an arrow key or a button"
     ((control,),) = page.controls
@@ -334,10 +382,10 @@ def test_the_card_of_a_running_command(typed, build):
     assert ("End" in page.enabled, page.spins, page.controls) == (False, True, [])
     runner.running = False
     page = build(runner)
-    assert (page.labels[-1], page.spins, page.charts) == (runner.line, False, [False])
-    runner.motion.process_output(
-        "  position 1.00 mm from start, velocity 0.00 mm/s, current 0.00 A, Operation enabled   \r"
-    )
+    assert (page.labels[-1], page.spins) == (runner.line, False)
+    runner.motion.begin()
+    assert build(runner).charts == [False]
+    runner.motion.process_output(LINE)
     page = build(runner)
     assert (page.charts, page.labels.count("from start")) == ([True], 1)
 

@@ -10,6 +10,7 @@ from click.testing import CliRunner
 
 from hw_bridge.bus import Frame
 from hw_bridge.command import hil
+from hw_bridge.command.bench import parameters
 from hw_bridge.command.bench.look import LISTENING
 from hw_bridge.command.bench.options import BusChoice
 from hw_bridge.commission.bus_scan import ScannedNode
@@ -184,6 +185,16 @@ def test_what_is_stored_is_shown_beside_a_dump(run, tmp_path):
         f"6083h.0 Profile acceleration 0.3 m/s^2 (300) 1 m/s^2 (1000) {stored}"
     )
     assert run.written == [SAVE] * 3
+
+
+def test_a_terminal_asks_before_values_are_stored(run, monkeypatch):
+    monkeypatch.setattr(parameters, "is_terminal", lambda: True)
+    question = "axis keeps these values when it is switched off. Go on? [y/N]: "
+    assert run("store", "axis", typed="n\n", code=1).endswith(f"{question}n Aborted!")
+    assert run.written == []
+    assert run("store", "axis", typed="y\n").endswith(f"{question}y axis: all parameters are stored.")
+    assert question not in run("store", "axis", "--yes")
+    assert run.written == [SAVE] * 2
 
 
 @pytest.mark.parametrize(

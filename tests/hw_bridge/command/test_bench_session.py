@@ -65,6 +65,7 @@ def session(tmp_path, monkeypatch):
             self.node = SimpleNamespace(
                 name="axis", state=State.DISABLED, has_reference=False, started=True, position=0.02, format_length=str
             )
+            self.next_line = 0
             self.origin, self.homes = "from reference", keys.nodes[name].homing is not None
 
         @contextmanager
@@ -142,7 +143,8 @@ def test_a_reference_is_forgotten_during_a_motion_and_kept_after_it(session, cap
         ("save", "axis") if is_kept else "forget",
         "closed",
     ]
-    assert capsys.readouterr().out == "axis: stopped and disabled.\n"
+    lost = " The reference is lost.\nHome it: twin hil home axis -f " if not is_kept and not problem else ""
+    assert capsys.readouterr().out.startswith(f"axis: stopped and disabled, at 0.02 from reference.{lost}")
 
 
 @pytest.mark.parametrize(
@@ -177,31 +179,31 @@ def test_warnings_of_a_session_are_an_error_at_its_end(session, capsys):
             State.DISABLED,
             False,
             "",
-            "The reference is kept. Next, once the cause is removed: twin hil status axis -f FILE",
+            "at 0.02 from reference. The reference is kept.\n  NEXT status axis -f FILE",
         ),
         (
             State.DISABLED,
             False,
             "none",
-            "at 0.02 from reference. Next, once the cause is removed: twin hil status axis -f FILE",
+            "at 0.02 from reference.\n  NEXT status axis -f FILE",
         ),
         (
             State.DISABLED,
             True,
             "",
-            "lost: twin hil home axis -f FILE; next, once the cause is removed: twin hil status axis -f FILE",
+            "is lost.\n  NEXT status axis -f FILE\n  Then: twin hil home axis -f FILE",
         ),
         (
             State.FAULT,
             False,
             "",
-            "lost: twin hil home axis -f FILE; next, once the cause is removed: twin hil reset FILE",
+            "is lost.\n  NEXT reset -f FILE\n  Then: twin hil home axis -f FILE",
         ),
         (
             State.ENABLED,
             True,
             "",
-            "last state Operation enabled. Check it before you touch it. The reference is lost: twin hil home axis -f FILE",
+            "before you touch it. The reference is lost.\n  NEXT status axis -f FILE\n  Then: twin hil home axis -f FILE",
         ),
     ],
 )
@@ -212,12 +214,13 @@ def test_a_motion_that_failed_says_how_it_left_the_drive(session, tmp_path, stat
         opened.node.state = state
         raise SimulationError("jammed")
 
-    with pytest.raises(SimulationError, match=r"^jammed axis: ") as caught:
+    with pytest.raises(SimulationError, match=r"^jammed\n  axis: ") as caught:
         session.enter(inside=fail)
-    assert str(caught.value).endswith(end.replace("FILE", str(tmp_path / "bench.yaml")))
+    end = end.replace("NEXT", "Next, once the cause is removed: twin hil")  # one command a line, in their order
+    assert str(caught.value).replace("\xa0", " ").endswith(end.replace("FILE", str(tmp_path / "bench.yaml")))
     assert (("save", "axis") in session.calls) == ("kept" in end)
     if state is State.DISABLED:
-        with pytest.raises(SimulationError, match="removed: twin hil jog axis -f "):
+        with pytest.raises(SimulationError, match=r"removed: twin.hil.jog.axis.-f."):
             session.enter(inside=fail, word="jog")
 
 
@@ -258,16 +261,20 @@ def test_an_interrupted_motion_says_whether_the_reference_is_kept(session, capsy
 
     for is_lost, problem, options, text in (
         (False, "", {}, "The reference is kept."),
-        (True, "", {}, "The reference is lost: twin hil home axis -f "),
-        (False, "none", {}, "Next: twin hil jog axis -f "),  # a simulated one is switched on anew
-        (True, "none", {"homes": True}, "It is not homed: twin hil home axis -f "),
+        (True, "", {}, "The reference is lost."),
+        (False, "none", {}, ""),  # a simulated one is switched on anew
+        (True, "none", {"homes": True}, "It is not homed."),
     ):
         session.is_lost, session.problem = is_lost, problem
         with pytest.raises(KeyboardInterrupt):
             session.enter(inside=interrupt, word="jog", **options)
-        output = " ".join(capsys.readouterr().out.split())
-        assert output.startswith(f"axis: power is off (Switch on disabled), at 0.02 from reference. {text}")
-        assert re.search("[Nn]ext: twin hil jog axis -f ", output)
+        output = capsys.readouterr().out.strip().split("Next: ")
+        assert (
+            " ".join(output[0].split())
+            == f"axis: power is off (Switch on disabled), at 0.02 from reference. {text}".strip()
+        )
+        words = ["jog"] + ["home"] * ("lost" in text or "not homed" in text)  # one a line, in their order
+        assert re.findall(r"^(?:Then: )?twin hil (\w+) axis -f \S+$", output[1], re.MULTILINE) == words
         session.calls.clear()
 
 
@@ -278,7 +285,8 @@ def test_a_drive_that_is_not_homed_says_so_at_each_stop(session, capsys, monkeyp
     )
     monkeypatch.setattr(single_axis, "say_origin", lambda *_: None)
     session.enter()
-    assert capsys.readouterr().out.startswith("axis: It is not homed: twin hil home axis -f ")
+    said = "axis: stopped and disabled, at 0.02 from reference. It is not homed.\nHome it: twin hil home axis -f "
+    assert capsys.readouterr().out.startswith(said)
 
 
 def test_a_motion_that_failed_on_a_page_leaves_its_live_values(session, capsys, monkeypatch):
@@ -288,7 +296,7 @@ def test_a_motion_that_failed_on_a_page_leaves_its_live_values(session, capsys, 
     session.notes.append("note")
     session.page = SimpleNamespace(look=None)
     monkeypatch.setattr(single_axis, "show_live", lambda held, is_page, is_final: print("\r at rest\r", end=""))
-    with pytest.raises(SimulationError, match="jammed axis: last state"):
+    with pytest.raises(SimulationError, match="jammed\n  axis: last state"):
         session.enter(inside=fail)
     assert capsys.readouterr().out == "node 3 (drive axis): serial 7h\n\r at rest\r\nwarning: note\n"
 
@@ -323,7 +331,7 @@ def test_the_line_of_a_jog(capsys, speed, mark):
     node = SimpleNamespace(
         position=0.001, velocity=-0.002, current=0.256, format_length=lambda value: f"{1e3 * value:.2f} mm"
     )
-    network, state = SimpleNamespace(now=5), SimpleNamespace(anew=True)
+    network, state = SimpleNamespace(now=5), SimpleNamespace(anew=False)
     held = SimpleNamespace(
         node=node,
         ramp=SimpleNamespace(velocity=speed),
@@ -335,9 +343,10 @@ def test_the_line_of_a_jog(capsys, speed, mark):
         counts_anew=lambda: state.anew,
     )
     single_axis.show_live(held)
-    values = f"\r{mark}        1.00 mm     -1.49 mm/s     0.26 A"
+    values = f"\r{mark}    1.00 mm from start       -1.49 mm/s   0.26 A"
     assert capsys.readouterr().out == f"{values}   {'':<27}"
     single_axis.show_live(held)  # not yet again
+    state.anew = True
     network.now, held.note, node.state = 5 + single_axis.LINE_PERIOD, "upper end (--distance)", "Quick stop active"
     single_axis.show_live(held, is_page=True)  # a drive that homes has set its position to 0
     assert capsys.readouterr().out == ""

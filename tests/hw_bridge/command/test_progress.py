@@ -47,10 +47,10 @@ def test_steps_are_known_after_a_restart(tmp_path):
         return StepProgress(path, lambda step, node: f"{scope[0]} {node}")
 
     first = progress()
-    first.record("twin hil check b.yaml", "", Outcome.DONE)
+    first.record("twin hil check -f b.yaml", "", Outcome.DONE)
     first.record("twin hil jog axis -f b.yaml", "axis", Outcome.DONE)
     first.record("twin hil jog axis -f b.yaml", "axis", Outcome.NEUTRAL)
-    first.record("twin hil reset b.yaml axis", "axis", Outcome.DONE)  # no step
+    first.record("twin hil reset -f b.yaml axis", "axis", Outcome.DONE)  # no step
     again = progress()
     assert again.time_of(STEP["check"], "axis") == first.time_of(STEP["check"], "other") > 1.7e9
     assert again.time_of(STEP["jog"], "axis") is not None
@@ -58,7 +58,7 @@ def test_steps_are_known_after_a_restart(tmp_path):
     scope[0] = "b"  # another hardware file
     assert again.time_of(STEP["check"], "axis") is None
     scope[0] = "a"
-    again.record("twin hil check b.yaml", "", Outcome.FAILED)
+    again.record("twin hil check -f b.yaml", "", Outcome.FAILED)
     assert again.latest_outcome(STEP["check"], "axis") is Outcome.FAILED
     again.record("twin hil jog axis -f b.yaml", "axis", Outcome.NEUTRAL)
     assert again.latest_outcome(STEP["jog"], "axis") is Outcome.NEUTRAL

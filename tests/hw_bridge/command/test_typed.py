@@ -61,7 +61,7 @@ def make(tmp_path, monkeypatch):
     ("word", "node", "given", "words", "attended"),
     [
         ("scan", "", (), ["scan", "-f", "FILE"], False),
-        ("reset", "axis", (), ["reset", "FILE", "axis"], False),
+        ("reset", "axis", (), ["reset", "axis", "-f", "FILE"], False),
         ("move", "axis", ["--by=1 mm"], ["move", "axis", "-f", "FILE", "--by=1 mm"], True),
     ],
 )
@@ -151,7 +151,7 @@ def test_a_changed_eds_file_opens_the_steps(make, tmp_path):
     typed = make(REAL.replace("faulhaber_v3", "faulhaber_v3, eds: axis.eds, units: {acceleration: 1 mm/s^2}"))
     typed.watch.is_wanted = False
     (check,) = (step for step in STEPS if step.word == "check")
-    typed.progress.record(f"twin hil check {typed.file}", "", Outcome.DONE)
+    typed.progress.record(f"twin hil check -f {typed.file}", "", Outcome.DONE)
     assert not typed.reload()
     assert typed.progress.time_of(check, "") is not None
     (tmp_path / "axis.eds").write_text(eds.export(profile("faulhaber_v3")) + "\n; another revision\n")
@@ -228,6 +228,8 @@ def test_the_button_of_a_jog(make, monkeypatch):
     typed.hold("jog axis", 1.0, 7, 0.02)
     assert typed.sent == []
     typed.text = f"axis: {READY}"
+    assert typed.controls == ()  # the drive has not reported Operation enabled, or not any more
+    typed.motion.state = "Operation enabled"
     assert typed.controls == ("jog axis",)
     typed.hold("jog other", 1.0, 7, 0.02)
     typed.hold("jog axis", -0.5, 7, 0.02)
@@ -246,6 +248,14 @@ def test_the_button_of_a_jog(make, monkeypatch):
     typed.end()
     assert typed.held == {}
     assert typed.sent == [{"release_hold": True}, {"end": True}]
+    assert typed.lateness == 0.0
+    for age in (0.45, 0.3):
+        typed.here(age)
+    assert typed.lateness == 0.45
+    now[0] += 6.0
+    assert typed.lateness == 0.0
+    typed.motion.state = "Switch on disabled"
+    assert typed.controls == ()
     typed.running = False
     assert (typed.controls, typed.attended, typed.busy) == ((), False, "")
 

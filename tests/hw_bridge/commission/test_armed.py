@@ -268,7 +268,7 @@ def test_a_refused_move_leaves_the_reference_as_it_is(homes, tmp_path):
     run("home", "servomotor", "--arm")
     (record,) = (state_folder() / "references").iterdir()
     before = record.read_bytes()
-    assert "-39.00 mm from reference (6064h 1 mm), homed" in run("status", "servomotor")
+    assert "-39.00 mm from reference (1 mm in the drive), homed" in run("status", "servomotor")
     right = file.read_text()
     file.write_text(right.replace("    limits:", "    motor: nothing\n    limits:").replace("nothing", "lm1247"))
     run("move", "servomotor", "--by", "1 mm", "--arm", code=1)

@@ -86,7 +86,7 @@ def test_planned_writes_for_users():
         (
             {(0x1001, 0): 0x10},
             {},
-            "axis: reports an earlier error (1001h is 10h). Reset it first: twin hil reset FILE",
+            "axis: reports an earlier error (1001h is 10h). Reset it first: twin hil reset -f FILE",
             "",
         ),
         ({(0x1001, 0): 0x10, (0x6041, 0): WORDS[State.FAULT]}, {}, "", ""),  # the master reports that

@@ -6,7 +6,7 @@ from hw_bridge.master.fault_report import next_step
 from tests.hw_bridge.master.test_limits import Bench
 
 HOMING = {"method": 37, "at": "0 mm", "speed": "10 mm/s"}
-FAULT = "remove the cause, reset with `twin hil reset FILE`, run again (not homed again: axis)."
+FAULT = "remove the cause, reset with `twin hil reset -f FILE`, run again (not homed again: axis)."
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,7 @@ def test_scan_check_and_first_motion(bench, case):
     path = bench(*CASES[case])
     assert "node 1 (servomotor): " in run("scan", "-f", path)
     assert "Bus and hardware file agree." in run("check", path)
-    assert "servomotor: stopped and disabled." in run("move", "servomotor", "--by", "1 mm", "-f", path)
+    assert "servomotor: stopped and disabled, at " in run("move", "servomotor", "--by", "1 mm", "-f", path)
     told = run("move", "servomotor", "--by", "-2 mm", "-f", path)
     assert "is at -1.99 mm" in told or "is at -2.00 mm" in told or "is at -2.01 mm" in told
     assert "rise" in run("step", "servomotor", "--by", "0.1 mm", "-f", path, "--plot", path.with_name("step.svg"))
