@@ -22,7 +22,7 @@ def test_every_import_is_an_export_of_a_module_before(tmp_path):
     own.write_text('// a comment\nimport { Chart } from "./chart.js";\n  // another\nnew Chart();\n')
     script = chart_script([own], views=True)
     assert not re.search(r"^(import|export) ", script, re.MULTILINE)
-    assert script.endswith("const { Chart }=chart_module;\nnew Chart();\n")
+    assert script.endswith("const { Chart } = chart_module;\nnew Chart();\n")
 
 
 def test_equal_arrays_are_stored_once():

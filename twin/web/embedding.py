@@ -28,7 +28,6 @@ IMPORT = re.compile(r"^import (\{.*?\}) from \"\./(\w+)\.js\";$", re.MULTILINE)
 COMMENT = re.compile(
     r"^ *(?:(?://.*)?\n)?| +// .*$", re.MULTILINE
 )  # also at the end of a line, empty lines, indentation
-OPERATOR = re.compile(r" (=>|[=!]==|&&|\|\||\?\?|[-+*/]?=) ")  # whose blanks a page does without
 EXPORT = re.compile(r"^export ((?:async )?(?:const|class|function) (\w+))", re.MULTILINE)
 
 
@@ -51,8 +50,8 @@ def wrap_module(file: Path) -> str:
 
 
 def replace_imports(text: str) -> str:
-    """Return a module's text with its imports from modules that are objects, without comments, indentation and blanks of operators."""
-    return OPERATOR.sub(r"\1", IMPORT.sub(r"const \1 = \2_module;", COMMENT.sub("", text)))
+    """Return a module's text with its imports from modules that are objects, without comments and indentation."""
+    return IMPORT.sub(r"const \1 = \2_module;", COMMENT.sub("", text))
 
 
 def read_static(name: str) -> str:
