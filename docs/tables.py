@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -71,9 +72,15 @@ def write_table(page: str | Path, name: str, text: str) -> None:
 
 
 def write_data(name: str, text: str) -> None:
-    """Write a table in Markdown as docs/data/NAME.csv; the site shows it in an appendix of each page that links to it."""
+    """Write a table in Markdown as docs/data/NAME.csv; the site shows it in an appendix of each page that links to it.
+
+    An empty first cell gets the text above it, which pages leave out.
+    """
+    rows = cells(text)
+    for above, row in pairwise(rows):
+        row[0] = row[0] or above[0]
     with (DATA / f"{name}.csv").open("w", newline="") as file:
-        csv.writer(file, lineterminator="\n").writerows(cells(text))
+        csv.writer(file, lineterminator="\n").writerows(rows)
 
 
 def cells(text: str) -> list[list[str]]:

@@ -97,7 +97,7 @@ def test_a_member_that_ends_the_simulation_ends_the_steps():
 def test_a_session_is_repeated_after_a_reset(monkeypatch, status, gone, again, wait, runs):
     """`wait`: a reset follows a failure. The second run is completed without a reset."""
     job = {"rate": 1.0, "running": True, "backend": "interpreted", "runs": "", "build": "", "report": False}
-    process = SessionProcess(None, job)
+    process = SessionProcess(SimpleNamespace(send=lambda **message: None), job)
     made = []
 
     def run_scenario(*args, **more):
