@@ -181,6 +181,12 @@ def test_links_of_a_run_work_from_a_notebook(tmp_path, monkeypatch):
             "other",
             "2 of 2 requirements met, 3 not judged</b><p>order: Not judged: needs PI.",
         ),
+        (
+            {"expectations": [{"verdict": "skipped", "name": "age", "detail": "Outside.", "is_outside": True}]},
+            (2, 2),
+            "other",
+            "2 of 2 requirements met, 1 not judged, 1 of these outside of nominal limits</b><p>age: Outside.",
+        ),
         ({"status": "failed", "reason": "<x>"}, (2, 3), "fail", "failed: &lt;x&gt;"),
     ],
 )

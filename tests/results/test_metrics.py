@@ -6,6 +6,7 @@ Over 400 lines: one small recording serves all of them.
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -245,8 +246,8 @@ def test_what_did_not_finish_is_left_out() -> None:
         (Expectation("", metric="m", ordered=("B", "A"), descending=False), "pass", "m: B 0.01748 N < A 0.03495 N."),
         (Expectation("", metric="m", ordered=("B", "A")), "fail", "B 0.01748 N is not above A 0.03495 N; all seeds."),
         (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.49), "pass", "m: A 0.03495 N > B 0.01748 N (required margin: 49 %)."),
-        (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.51), "fail", "A 0.03495 N is not 51 % above B 0.01748 N; all seeds."),
-        (Expectation("", metric="m", ordered=("A", "B"), margin=0.53 * STD), "fail", "A 0.03495 N is not 0.01764 N above B 0.01748 N; seed 0."),
+        (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.51), "fail", "B 0.01748 N is above 0.01713 N (A 0.03495 N less 51 %); all seeds."),
+        (Expectation("", metric="m", ordered=("A", "B"), margin=0.53 * STD), "fail", "B 0.01748 N is above 0.01731 N (A 0.03495 N less 0.01764 N); seed 0."),
         (Expectation("", metric="m", ordered=("A", "X")), "skipped", "Not judged: an order needs at least two of A and X; only A has m in this run."),
         (Expectation("", metric="m", at_most=0.035), "fail", f"{format_value(1.1 * STD, 'N')} in A, seed 1."),
         (Expectation("", metric="m", at_most=0.035, variants=("B",)), "pass", f"m was {format_value(0.5 * STD, 'N')} to {format_value(0.55 * STD, 'N')}; expected at most"),
@@ -262,7 +263,6 @@ def test_what_did_not_finish_is_left_out() -> None:
     ],
 )  # fmt: skip
 def test_expectations(expectation: Expectation, verdict: str, detail: str) -> None:
-    from dataclasses import replace
 
     evaluation = evaluate({"m": metric(unit="N")}, [replace(expectation, unit="N")], tables(1.0, 0.5, 0.1))
     (outcome,) = evaluation.expectation_results
@@ -432,10 +432,15 @@ def test_a_unit_that_nobody_knows_stays_as_it_is() -> None:
 def test_what_holds_for_the_file_s_own_parameters_is_skipped_with_others() -> None:
     expectation = Expectation("", signal=expression.parse("a.x"), at_most=-1.0, nominal=True)
     tables = {("A", 0): Signals(np.arange(3.0), {"a.x": np.ones(3)})}
-    verdicts = [
-        evaluate({}, [expectation], tables, applies).expectation_results[0].verdict for applies in (True, False)
-    ]
-    assert verdicts == ["fail", "skipped"]
+    failed, skipped = (evaluate({}, [expectation], tables, applies).expectation_results[0] for applies in (True, False))
+    assert (failed.verdict, skipped.verdict) == ("fail", "skipped")
+    assert (failed.is_outside, skipped.is_outside) == (False, True)
+    assert skipped.detail.startswith(
+        "Outside of its limits for nominal values: 1 at 0 s"
+    )  # its value, though not judged
+    (held,) = evaluate({}, [replace(expectation, at_most=2.0)], tables, False).expectation_results
+    assert (held.verdict, held.is_outside) == ("skipped", False)
+    assert held.detail.startswith("a.x was 1; expected at most 2. Not judged: ")
 
 
 @every_case(

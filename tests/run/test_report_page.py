@@ -228,6 +228,21 @@ def test_a_changed_run_says_what_fails_and_what_it_was_in_the_default_run(tmp_pa
     assert "0.11 N to 0.2 N →" in head
 
 
+def test_a_value_outside_of_nominal_limits_is_no_green_badge() -> None:
+    """Though it is not judged, as settings were changed: the headline names it, the list gives its value."""
+    nominal = Expectation("young", signal=FORCE, at_most=0.2, unit="N", nominal=True)
+    fine = Expectation("fine", signal=FORCE, at_most=9.0, unit="N")
+    evaluation = evaluate({}, [nominal, fine], tables(), paper_applies=False)
+    summary = results.build_summary(results.RunInfo("x", overrides=("a.k=4",)), evaluation, tables()) | {"sentence": ""}
+    text = report_page.report_html(summary, evaluation, tables(), expectations=[nominal, fine])
+    assert summary["passed"]
+    badge = '<span class="badge other">✓ 1 of 1 requirements met, 1 not judged, 1 of these outside of nominal limits<'
+    assert badge in text
+    assert "all 1 judged requirements are met; 1 not judged lies outside of nominal limits: young." in text
+    assert "Outside of its limits for nominal values: 0.25 N" in text
+    assert results.describe_outcome(summary) == ("PASS", "1 of 1, 1 not judged, 1 of these outside of nominal limits")
+
+
 def test_changed_values_stand_below_the_sentence_and_first_in_their_table() -> None:
     rows = [
         ParameterRow("a", "m", "1", given=True),

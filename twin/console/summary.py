@@ -21,7 +21,7 @@ from twin.console import operator_panel, targets
 from twin.console.verdicts import METRIC, NOT_JUDGED, WAITING, Row, SessionVerdicts, headline, warning_rows
 from twin.errors import TwinError
 from twin.live import OVER
-from twin.results import common_format, count_verdicts, requirements_text
+from twin.results import common_format, count_not_judged, count_verdicts, requirements_text
 from twin.run import Score, session_verdict
 
 if TYPE_CHECKING:
@@ -227,8 +227,7 @@ def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> Sessi
     )
     words = operation.get("targets", {}).get("detail", words)
     if not words and "expectations" in summary:  # the words of the report
-        skipped = sum(each["verdict"] == "skipped" for each in summary["expectations"])
-        words = requirements_text(*count_verdicts(summary), skipped)
+        words = requirements_text(*count_verdicts(summary), *count_not_judged(summary))
     words = words or headline([*rows, *warnings], True)
     return SessionResult(kind, words, tuple(rows), tuple(warnings), early)
 

@@ -11,6 +11,7 @@ from urllib.parse import quote
 from twin.face import arrays
 from twin.results import (
     common_format,
+    count_not_judged,
     count_verdicts,
     display_units,
     figure_files,
@@ -204,15 +205,15 @@ def requirements(outcomes: Iterable[Mapping[str, Any]]) -> str:
 
 
 def outcome(summary: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the kind of the outcome of a run and its text: pass, fail, or other if fewer requirements are judged than not."""
+    """Return the kind of the outcome of a run and its text: pass, fail, or other if fewer are judged than not, or one not judged is outside."""
     met, judged = count_verdicts(summary)
-    skipped = len(unjudged(summary))
-    text = requirements_text(met, judged, skipped) or "completed"
+    skipped, outside = count_not_judged(summary)
+    text = requirements_text(met, judged, skipped, outside) or "completed"
     if summary["status"] != "completed":
         return "fail", f"{summary['status']}: {summary['reason']}"
     if not summary["passed"]:
         return "fail", f"✗ {text}"
-    return ("pass", f"✓ {text}") if skipped <= judged else ("other", text)
+    return ("pass", f"✓ {text}") if skipped <= judged and not outside else ("other", text)
 
 
 def unjudged(summary: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -235,7 +236,8 @@ def state(summary: Mapping[str, Any]) -> str:
     kind, text = outcome(summary)
     notes = [f"Note: {sentence}" for sentence in summary.get("unjudged", ())]
     if kind == "other":
-        notes.append(" ".join([f"{each['name']}: {each['detail']}" for each in unjudged(summary)][:1]))
+        ranked = sorted(unjudged(summary), key=lambda each: not each.get("is_outside", False))
+        notes.append(" ".join([f"{each['name']}: {each['detail']}" for each in ranked][:1]))
     return f'<b class="{kind}">{escape(text)}</b>{"".join(map(paragraph, notes))}' + paragraph(cases(summary))
 
 

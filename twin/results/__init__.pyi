@@ -56,6 +56,7 @@ from .recording.latest_run import resolve_latest as resolve_latest
 from .recording.latest_run import run_order as run_order
 from .recording.latest_run import suggest_folders as suggest_folders
 from .recording.run_folder import RecordedVariable as RecordedVariable
+from .recording.run_folder import count_not_judged as count_not_judged
 from .recording.run_folder import count_verdicts as count_verdicts
 from .recording.run_folder import describe_outcome as describe_outcome
 from .recording.run_folder import requirements_text as requirements_text

@@ -88,7 +88,6 @@ def chart_svg(expectation: Expectation, rows: Sequence[MetricResult], style: Met
 
 def row_bounds(expectation: Expectation, rows: Sequence[MetricResult]) -> Iterable[tuple[int, float]]:
     """Return the value [SI] from which each mean of an order must not be less (or more): the mean before and the margin."""
-    sign = -1.0 if expectation.descending else 1.0
     for row, before in enumerate(rows[:-1] if expectation.ordered else (), 1):
         if before.mean is not None:
-            yield row, before.mean + sign * (expectation.margin + expectation.margin_part * abs(before.mean))
+            yield row, expectation.bound(before.mean)

@@ -101,10 +101,12 @@ def results_table(evaluation: Evaluation, verbose: bool = False) -> Group:
     verdicts.add_column(no_wrap=True, min_width=8)
     verdicts.add_column(overflow="fold")
     for result in expectations:
-        if verbose or result.verdict not in ("pass", "skipped"):
+        if verbose or result.is_outside or result.verdict not in ("pass", "skipped"):
             name = f"{result.name}: " if has_own_name(result) else ""
             texts = [result.detail, *[result.more] * (verbose and bool(result.more))]
-            verdicts.add_row(Text(*VERDICTS[result.verdict]), Text(name + " ".join(texts)))
+            verdicts.add_row(
+                Text(*VERDICTS["unjudged" if result.is_outside else result.verdict]), Text(name + " ".join(texts))
+            )
             for variant, seed, value, time in result.cases if verbose else ():
                 verdicts.add_row("", Text(f"{variant}, seed {seed}: {value}{', ' * bool(time)}{time}"))
     for sentence in evaluation.unjudged if expectations else ():

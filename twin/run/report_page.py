@@ -17,9 +17,11 @@ from twin.results import (
     ExpectationResult,
     HardwareTermination,
     Plot,
+    count_not_judged,
     count_verdicts,
     find_violations,
     group_lines,
+    list_names,
     metric_formats,
     requirements_text,
     si_conversion,
@@ -93,8 +95,12 @@ def compare_with_paper(evaluation: Evaluation) -> str:
     if not ratios:
         return ""
     passed = sum(result.verdict == "pass" for result in judged)
+    has_changes = any(result.verdict == "other" for result in results)
+    reason = (
+        "this run has other settings" if has_changes else "the scenario gives no tolerance, they are for comparison"
+    )
     values = f"{len(ratios)} published value{'s' * (len(ratios) != 1)}"
-    text = f"{passed} of {values} within their tolerance" if judged else f"{values}, not judged"
+    text = f"{passed} of {values} within their tolerance" if judged else f"{values}, not judged: {reason}"
     low, high = f"{min(ratios):.2f}", f"{max(ratios):.2f}"
     return f"{text}; twin / paper: {low if low == high else f'{low} to {high}'}."
 
@@ -192,9 +198,7 @@ def report_html(
             key_rows=key_rows(evaluation),
             outcomes=evaluation.expectation_results,
             counts=count_verdicts(summary),
-            requirements=requirements_text(
-                *count_verdicts(summary), sum(result.verdict == "skipped" for result in evaluation.expectation_results)
-            ),
+            requirements=requirements_text(*count_verdicts(summary), *count_not_judged(summary)),
             published=sum(result.verdict == "pass" for result in evaluation.metric_results),
             failures=failures,
             changed_notes=changed_notes,
@@ -338,8 +342,14 @@ def outcome_sentence(
     names = [failure.name for failure in failures]
     more = len(names) - MAX_NAMES
     listed = "; ".join(names[:MAX_NAMES]) + f"; {more} more" * (more > 0)
+    outside = [result["name"] for result in summary["expectations"] if result.get("is_outside")]
     outcome = (
-        f"{judged - met} of {judged} requirements fail: {listed}." if names else f"all {judged} requirements are met."
+        f"{judged - met} of {judged} requirements fail: {listed}."
+        if names
+        else f"all {judged}{' judged' * bool(outside)} requirements are met"
+        + f"; {len(outside)} not judged lie{'s' * (len(outside) == 1)} outside of nominal limits: {list_names(outside)}"
+        * bool(outside)
+        + "."
     )
     outcome = f"With {', '.join(texts)}, {outcome}" if texts else outcome
     return outcome[:1].upper() + outcome[1:]

@@ -110,6 +110,10 @@ class Expectation:
         difference = before - after if self.descending else after - before
         return difference - self.margin - self.margin_part * abs(before)
 
+    def bound(self, before: float) -> float:
+        """Return the limit of the value after another one of an order."""
+        return before + (-1.0 if self.descending else 1.0) * (self.margin + self.margin_part * abs(before))
+
     def judges(self, result: MetricResult) -> bool:
         """Whether a metric of a variant is judged."""
         names = self.ordered or self.variants
@@ -209,7 +213,8 @@ class ExpectationResult:
     """Result of one expectation: pass, fail, or skipped if its variants were not run, or not to the end of its window.
 
     `detail`: one line; of a failure the worst values, the limits, the time and the cases. `more`: what was left out there.
-    `cases`: variant, seed, value and time of each, if a requirement fails in several.
+    `cases`: variant, seed, value and time of each, if a requirement fails in several. `is_outside`: it is skipped, as it is of
+    the scenario's own parameters, but its values lie outside of the limits.
     """
 
     name: str
@@ -217,6 +222,7 @@ class ExpectationResult:
     detail: str
     more: str = ""
     cases: tuple[tuple[str, int, str, str], ...] = ()
+    is_outside: bool = False
 
 
 @dataclass(frozen=True)
@@ -264,11 +270,6 @@ def evaluate(
     expectations = tuple(in_display_units(expectations, metrics))
     expectation_results = []
     for expectation in expectations:
-        if expectation.nominal and not {*run} & {*(expectation.variants or run)} <= {*comparable}:
-            what, expected, name = describe_limits(expectation)
-            detail = f"{what} is expected {expected}. Not judged: this run changes the scenario's own parameters."
-            expectation_results.append(ExpectationResult(name, "skipped", detail))
-            continue
         if expectation.ends:
             result = ExpectationResult(*check_termination(expectation, complete, terminations))
         else:
@@ -279,9 +280,21 @@ def evaluate(
         if result.verdict != "skipped":
             suffix = describe_judged(expectation, judged_variants(expectation, present, complete), run)
             result = replace(result, more=f"{result.more} {suffix}".strip())
+            if expectation.nominal and not {*run} & {*(expectation.variants or run)} <= {*comparable}:
+                result = without_verdict(result)
         expectation_results.append(result)
     unjudged = describe_unjudged(expectations, present, complete) if has_ended else ()
     return Evaluation(present, tuple(expectation_results), paper_applies, unjudged)
+
+
+def without_verdict(result: ExpectationResult) -> ExpectationResult:
+    """Return the result of a requirement of the scenario's own parameters for a run that changes them: its values alone."""
+    detail, is_outside = result.detail, result.verdict == "fail"
+    if is_outside:
+        detail = detail.replace("; fails in ", "; outside in ")
+        detail = f"Outside of its limits for nominal values: {detail}"
+    detail += " Not judged: this run changes the scenario's own parameters."
+    return ExpectationResult(result.name, "skipped", detail, result.more, is_outside=is_outside)
 
 
 def in_display_units(expectations: Iterable[Expectation], metrics: Mapping[str, Metric]) -> Iterator[Expectation]:

@@ -39,7 +39,7 @@ def check_order(expectation: Expectation, results: Mapping[str, MetricResult]) -
     names = dict(zip(expectation.ordered, quote_names(expectation.ordered), strict=True))
     texts = [f"{names[result.variant]} {style.text(result.mean, scale)}" for result in ordered_results]
     margin = format_margin(expectation)
-    side = "above" if expectation.descending else "below"
+    side, sign = ("above", "less") if expectation.descending else ("below", "plus")
     failing = failing_pairs(expectation, ordered_results)
     seeds = failing_seeds(expectation, ordered_results)
     comparison = f"{expectation.metric}: {(' > ' if expectation.descending else ' < ').join(texts)}"
@@ -47,10 +47,14 @@ def check_order(expectation: Expectation, results: Mapping[str, MetricResult]) -
         required = f" (required margin: {margin})" if margin else ""
         return name, "pass", f"{comparison}{required}{f'; not at {seeds}' * bool(seeds)}.", ""
     of_variant = dict(zip((result.variant for result in ordered_results), texts, strict=True))
-    pairs = [
-        " ".join(filter(None, [of_variant[before.variant], "is not", margin, side, of_variant[after.variant]]))
-        for before, after in failing
-    ]
+    pairs = []
+    for before, after in failing:
+        first, second = of_variant[before.variant], of_variant[after.variant]
+        if not margin or before.mean is None or after.mean is None:
+            pairs.append(f"{first} is not {side} {second}")
+        else:
+            limit = expectation.shown(expectation.bound(before.mean), scale)
+            pairs.append(f"{second} is {side} {limit} ({first} {sign} {margin})")
     detail = ", and ".join(pairs)
     return name, "fail", f"{detail}{f'; {seeds}' * bool(seeds)}.", f"{expectation.metric}: {', '.join(texts)}."
 

@@ -299,25 +299,37 @@ def count_verdicts(summary: Mapping[str, Any]) -> tuple[int, int]:
     return verdicts.count("pass"), sum(verdict in ("pass", "fail", "none") for verdict in verdicts)
 
 
-def requirements_text(met: int, judged: int, not_judged: int = 0) -> str:
-    """Return how many requirements are met or failed, as report, notebook and console say it."""
+def count_not_judged(summary: Mapping[str, Any]) -> tuple[int, int]:
+    """Return how many requirements were not judged, and how many of them lie outside of their limits for nominal values."""
+    skipped = [result for result in summary["expectations"] if result["verdict"] == "skipped"]
+    return len(skipped), sum(result.get("is_outside", False) for result in skipped)
+
+
+def requirements_text(met: int, judged: int, not_judged: int = 0, outside: int = 0) -> str:
+    """Return how many requirements are met or failed, as report, notebook and console say it. `outside`: of those not judged."""
     counts = (
         f"{met} of {judged} requirements met" if met == judged else f"{judged - met} of {judged} requirements failed"
     )
-    return ", ".join([counts] * bool(judged) + [f"{not_judged} not judged"] * bool(not_judged))
+    return ", ".join([counts] * bool(judged) + not_judged_texts(not_judged, outside))
+
+
+def not_judged_texts(not_judged: int, outside: int) -> list[str]:
+    """Return how many requirements are not judged, and how many of them lie outside of their limits for nominal values."""
+    return [f"{not_judged} not judged"] * bool(not_judged) + [f"{outside} of these outside of nominal limits"] * bool(
+        outside
+    )
 
 
 def describe_outcome(summary: Mapping[str, Any]) -> tuple[str, str]:
     """Return the outcome of a run as a word, such as PASS, and the counts: `2 of 6 requirements failed, 11 not judged, 1 warning`."""
     met, judged = count_verdicts(summary)
-    skipped = sum(result["verdict"] == "skipped" for result in summary["expectations"])
     verdict = ("PASS" if summary["passed"] else "FAIL") if judged else "DONE"
     word = verdict if summary["status"] == "completed" else summary["status"].upper()
     counts = (
         f"{met} of {judged}" if word == "PASS" else f"{judged - met} of {judged} requirements failed" * (met < judged)
     )
     warnings = sum("warning: " in note for note in summary.get("notes", ()))
-    parts = [counts, *[f"{skipped} not judged"] * bool(skipped and counts)]
+    parts = [counts, *not_judged_texts(*count_not_judged(summary)) * bool(counts)]
     return word, ", ".join(filter(None, [*parts, *[f"{warnings} warning{'s' * (warnings > 1)}"] * bool(warnings)]))
 
 
