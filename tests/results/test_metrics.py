@@ -200,7 +200,7 @@ def test_a_failure_is_one_line_and_the_rest_is_apart() -> None:
         "0.255 N at 1.57 s in A, seed 1, expected at most 0.1 N; first at 0 s in A, seed 0; fails in all variants, all seeds."
     )
     assert found.more == "Judged: a.force."
-    assert found.cases[:2] == (("A", 0, "0.25 N", "1.57 s"), ("A", 1, "0.255 N", "1.57 s"))  # a list in the report
+    assert found.cases[:2] == (("A", 1, "0.255 N", "1.57 s"), ("A", 0, "0.25 N", "1.57 s"))  # a list in the report
     cases = {(name, seed): signals(1.0 + 0.1 * (ord(name) - 64 == seed)) for name in "ABC" for seed in (1, 2, 3)}
     limit = Expectation("safe", signal=force, at_most=0.252, variants=("A", "B", "C"), unit="N")
     (found,) = evaluate({}, [limit], cases | {("D", 1): signals()}).expectation_results

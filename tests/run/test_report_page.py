@@ -151,9 +151,8 @@ def test_a_metric_of_an_analysis_is_marked_in_its_input() -> None:
     """In the worst window; the flat curve of its result is left out, and its values are a chart."""
 
     def windows(force: Any) -> dict[str, Any]:
-        return {
-            "std": np.append(np.full(2999, np.std(force[:3000])), [np.std(force[k : k + 3000]) for k in range(2002)])
-        }
+        own = [np.std(force[k : k + 3000]) for k in range(500, 2002)]
+        return {"std": np.append(np.full(3499, own[0]), own)}
 
     windows.outputs, windows.window_length = {"std": "N"}, 3.0  # type: ignore[attr-defined]
     analysis = Analysis("windows", "m:windows", {"force": FORCE})
@@ -167,7 +166,8 @@ def test_a_metric_of_an_analysis_is_marked_in_its_input() -> None:
     (end,) = {traced.cases["PI", 1]}
     worst = recorded["PI", 1].values["windows.std"]
     assert (traced.signal, traced.variants, end) == (FORCE, ("PI",), TIME[np.flatnonzero(worst == worst.max())[-1]])
-    assert end >= 2.999
+    first = TIME[3499]
+    assert end >= first
     np.testing.assert_array_equal(traced.violating_samples(("PI", 1), TIME, TIME), np.abs(TIME - end + 1.4995) < 1.4999)
     assert trace_to_inputs(violation, [], recorded) == [violation]
     summary = results.build_summary(results.RunInfo("x"), evaluation, recorded) | {"sentence": ""}
@@ -178,8 +178,8 @@ def test_a_metric_of_an_analysis_is_marked_in_its_input() -> None:
     assert titles == ["Failed: steady, worst 3 s", "Loop"]  # the computed values are below the curve
     assert '<div class="computed"><small>' in text
     ((pane,),) = draw_plots(PLOTS[1:2], recorded, [], [traced], PackedArrays(), "x")[0].panels
-    window = recorded["PI", 1].values["a.force"][traced.violating_samples(("PI", 1), TIME, TIME)]
-    assert pane["range"] == pytest.approx([window.min(), window.max()], abs=0.07 * np.ptp(window))
+    assert "range" not in pane  # all that is shown is inside: from the first window on
+    assert pane["reach"] == pytest.approx((max(first - 3.0, 0.0), TIME[-1]))
     assert "the worst 3 s, which violate steady" in text
     assert "--signal windows.std" not in text
 
@@ -219,13 +219,21 @@ def test_a_changed_run_says_what_fails_and_what_it_was_in_the_default_run(tmp_pa
         summary, evaluation, tables(), expectations=[order, LIMIT], default_folder=str(tmp_path), previous_values=["2"]
     )
     head, rest = text[text.index("<header>") : text.index("</header>")], text[text.index("</header>") :]
-    assert "With a.k 4 instead of 2, 2 of 2 requirements fail: " in head
-    assert head.index("<b>Changed:</b>") < head.index(f'<p class="warn">{warning}</p>')
+    assert "With a.k 4 instead of 2, 2 of 2 requirements fail." in head
+    assert "<b>Changed:</b>" not in head  # said once
+    assert f'<p class="warn">{warning}</p>' in head
     assert warning not in rest
     assert "another" in rest
-    assert "<b>order</b>, default run → this run: PI <span" in head.replace("PI+FF <span", "PI <span")
-    assert re.search('PI <span class="value">20(.0*)? mN → ', head)
-    assert "0.11 N to 0.2 N →" in head
+    table = rest[rest.index('<table class="failures') :]
+    assert re.search(r'<td data-label="default run">PI 20(.0*)? mN; PI\+FF 30(.0*)? mN</td>', table)
+    row = table[table.index("stays &lt;in&gt; band<") : table.index("</section>")]
+    assert re.findall(r'<td data-label="(.*?)">(.*?)</td>', row) == [
+        ("limit", "0.1 N to 0.24 N"),
+        ("default run", "0.11 N to 0.2 N"),
+        ("this run", "0.25 N"),
+        ("worst in", "PI, seed 2"),
+        ("time", f"{TIME[np.argmax(tables()['PI', 2].values['a.force'])]:g} s"),
+    ]
 
 
 def test_a_value_outside_of_nominal_limits_is_no_green_badge() -> None:

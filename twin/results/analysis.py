@@ -140,16 +140,19 @@ def trace_to_inputs(violation: Violation, analyses: Sequence[Analysis], tables: 
     if not sources:
         return [violation]
     ends: dict[tuple[str, int], float | None] = {}
+    first_end = np.inf  # of the first window: it has the value of all rows before
     for case, instant in (violation.worst or violation.cases).items():
         parts = list(tables[case].evaluate_parts(violation.signal, violation.window))
         if instant is not None and parts:
             ends[case] = window_end(parts, instant)
+            times = [time[np.isfinite(value)] for time, value in parts]
+            first_end = min(first_end, window_end(parts, next(time[0] for time in times if len(time))))
     units = next(iter(tables.values())).units
     return [
         replace(
             violation,
             signal=signal,
-            window=Window(),
+            window=Window(round(max(first_end - analysis.window_length, 0.0) * clock.NANOSECONDS)),
             cases=ends,
             worst=ends,
             unit=units.get(signal.single.name, "") if signal.single else "",

@@ -37,7 +37,7 @@ class ReportChart extends Chart {
   // values of all panes at the time under the pointer, above each pane where they cover no curve; of loops beside the pointer
   setHover(hover) {
     super.setHover(hover);
-    const time = hover && !this.panes[hover.pane].own ? hover.at : null;
+    const time = hover && !this.panes[hover.pane].own && !this.cursors.length ? hover.at : null; // else beside the pointer: t1 and t2 stand above
     if (time !== null) this.readout.hidden = true;
     this.reads ??= [];
     while (this.reads.length < this.panes.length) this.reads.push(Object.assign(this.element.appendChild(document.createElement("div")), { className: "twin-read", hidden: true }));
@@ -228,6 +228,25 @@ for (const link of document.querySelectorAll("main a[href^='#']")) link.addEvent
   isPinned = false;
   if (!link.dataset.variant) selectCase(target.querySelector(".twin-chart")?.chart.allPanes.find((pane) => pane.case)?.case);
 });
+
+// menu of a narrow page
+document.querySelector("nav select")?.addEventListener("change", ({ target }) => { document.querySelector(`nav a[href="${target.value}"]`)?.click(); target.value = ""; });
+
+// what is pinned above a plot: the scene, on a narrow page the menu; no scene above figures without an axis of time
+const scene = document.querySelector(".with-films .stage");
+const pinned = new ResizeObserver(() => {
+  const isWide = matchMedia("(min-width: 1100px)").matches, above = isWide ? scene : document.querySelector("nav");
+  document.documentElement.style.setProperty("--above", `${above?.offsetHeight ?? 0}px`);
+});
+for (const element of document.querySelectorAll("main > nav, .with-films .stage")) pinned.observe(element);
+if (scene) {
+  const timeless = [...document.querySelectorAll("figure:not(.live), figure:has(.loop)")], near = new Set();
+  const watch = new IntersectionObserver((entries) => {
+    for (const { target, isIntersecting } of entries) if (isIntersecting) near.add(target); else near.delete(target);
+    scene.classList.toggle("loose", near.size > 0);
+  }, { rootMargin: "0px 0px -60% 0px" });
+  for (const figure of timeless) watch.observe(figure);
+}
 
 // tables and drawings that are wider than the page say so
 const widths = new ResizeObserver((entries) => { for (const { target } of entries) target.classList.toggle("cut", target.scrollWidth > target.clientWidth + 1); });

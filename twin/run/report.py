@@ -107,7 +107,7 @@ def results_table(evaluation: Evaluation, verbose: bool = False) -> Group:
             verdicts.add_row(
                 Text(*VERDICTS["unjudged" if result.is_outside else result.verdict]), Text(name + " ".join(texts))
             )
-            for variant, seed, value, time in result.cases if verbose else ():
+            for variant, seed, value, time in result.cases if verbose and len(result.cases) > 1 else ():
                 verdicts.add_row("", Text(f"{variant}, seed {seed}: {value}{', ' * bool(time)}{time}"))
     for sentence in evaluation.unjudged if expectations else ():
         verdicts.add_row(Text(*VERDICTS["unjudged"]), Text(sentence))

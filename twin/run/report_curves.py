@@ -28,7 +28,6 @@ MAX_POINTS = 100_000  # of a curve
 MIN_POINTS = 400  # of a curve, however many there are
 MAX_VALUES = 1_200_000  # of all curves of a report, with the ranges of their seeds: about 3 MB
 MAX_PANES = 6  # below each other
-MARGIN = 0.06  # of a range
 DASHES: tuple[list[int], ...] = ([], [6, 3], [2, 2], [8, 3, 2, 3])  # of `plotting.LINE_STYLES`
 
 
@@ -105,7 +104,7 @@ class PaneBuilder:
         """Return the pane."""
         plot, is_loop = self.plot, plotting.is_loop_plot(self.plot)
         selected = {case: signals for case, signals in self.tables.items() if case[0] in self.names}
-        curves, spans, worst, times = [], [], [], []
+        curves, spans, times = [], [], []
         for name in self.names:
             for number, curve in enumerate(plot.curves):
                 seeds = {case: signals for case, signals in selected.items() if case[0] == name}
@@ -120,9 +119,6 @@ class PaneBuilder:
                     times += [float(time[end]) for time, _ in recorded.values() for end in (0, -1)]
                     spans += [
                         span for case, points in recorded.items() for span in self.violating_spans(curve, case, points)
-                    ]
-                    worst += [
-                        value for case, points in recorded.items() for value in self.worst_window(curve, case, points)
                     ]
         pane: dict[str, Any] = {"title": "", "unit": units.shown(plot.unit), "curves": curves}
         if len(self.names) == 1:
@@ -144,7 +140,6 @@ class PaneBuilder:
             "limits": self.limits(selected),
             "thinned": self.thinned_to,
             "reach": (min(times), max(times)) if times else None,
-            **padded_range(worst),
         }
 
     @property
@@ -193,18 +188,6 @@ class PaneBuilder:
             if case in violation.cases and violation.concerns(curve.signal):
                 yield from consecutive_spans(time, violation.violating_samples(case, time, value))
 
-    def worst_window(self, curve: PlotCurve, case: tuple[str, int], points: Points) -> list[float]:
-        """Return the extremes of a curve in the worst window of an analysis, if its plot is of this failure alone."""
-        time, value = points
-        masks = [
-            violation.violating_samples(case, time, value)
-            for violation in self.violations
-            if violation.span and case in violation.cases and violation.concerns(curve.signal)
-        ]
-        values = np.concatenate([value[mask & np.isfinite(value)] for mask in masks] or [np.zeros(0)])
-        is_own = self.plot.title.startswith("Failed: ") and len(values)
-        return [self.to_axis(float(edge)) for edge in (values.min(), values.max())] if is_own else []
-
     def limits(self, selected: Tables) -> list[dict[str, Any]]:
         """Return the edges of the band, and the limits of violated expectations over their windows."""
         first = min(float(signals.time[0]) for signals in selected.values())
@@ -234,12 +217,6 @@ def shared_extent(extremes: Sequence[float], panes: Sequence[Mapping[str, Any]])
         return {}
     limits = {limit["y"] for pane in panes for limit in pane["limits"] if limit["failed"]}
     return {"extent": [min(values), max(values)], "shared": sorted(limits)}
-
-
-def padded_range(values: Sequence[float]) -> dict[str, list[float]]:
-    """Return `range`, an axis for values with a margin; empty without a finite range."""
-    margin = MARGIN * (max(values, default=0.0) - min(values, default=0.0))
-    return {"range": [min(values) - margin, max(values) + margin]} if margin else {}
 
 
 def seed_range(time: NDArray[Any], seeds: Sequence[Points]) -> dict[str, NDArray[Any]]:

@@ -61,7 +61,6 @@ SECTIONS = {  # of report.html: titles in its table of contents
     "parameters": "Parameters",
     "versions": "Versions",
 }
-MAX_NAMES = 3  # of failed requirements in the sentence
 MAX_KEY_ROWS = 8  # variants of the table on the first screen
 MAX_STRUCTURES = 12  # variants with other members or connections, in words
 MAX_DIFFERENCES = 6  # members and connections of such a variant
@@ -185,7 +184,7 @@ def report_html(
     failures = link_failures(evaluation, figures)
     notes = group_lines(summary.get("notes", ()), tables)
     changed_notes = [note for note in notes if any(option in note for option in summary.get("overrides", ()))]
-    sentence = summary.get("sentence") or outcome_sentence(summary, [failure for failure, _ in failures], changes)
+    sentence = summary.get("sentence") or outcome_sentence(summary, changes)
     notes = [note for note in notes if note not in changed_notes]
     summary = {**summary, "reason": reason, "notes": notes, "sentence": sentence}
     return (
@@ -202,7 +201,8 @@ def report_html(
             published=sum(result.verdict == "pass" for result in evaluation.metric_results),
             failures=failures,
             changed_notes=changed_notes,
-            differences=compare_failures(expectations, evaluation, read_summary(default_folder)),
+            rows=failure_rows(failures, default_values(expectations, evaluation, read_summary(default_folder))),
+            has_default=bool(default_folder),
             run_reference=run_reference(summary["scenario"]),
             folder=folder,
             plots=[
@@ -331,21 +331,16 @@ def compare_command(scenario: Mapping[str, str], folder: str, default_folder: st
     return f"twin run {run_reference(scenario)}{runs}; twin compare {shlex.quote(str(latest))} {own}"
 
 
-def outcome_sentence(
-    summary: Mapping[str, Any], failures: Sequence[ExpectationResult], changes: Sequence[Change]
-) -> str:
-    """Return what was changed and which requirements fail, for a run without a sentence of its scenario; empty if nothing is judged."""
+def outcome_sentence(summary: Mapping[str, Any], changes: Sequence[Change]) -> str:
+    """Return what was changed and how many requirements fail, for a run without a sentence of its scenario; empty if nothing is judged."""
     met, judged = count_verdicts(summary)
     if not judged or summary["status"] != "completed":
         return ""
     texts = [name + f" instead of {was.partition(' ')[2]}" * bool(was) for name, was in changes]
-    names = [failure.name for failure in failures]
-    more = len(names) - MAX_NAMES
-    listed = "; ".join(names[:MAX_NAMES]) + f"; {more} more" * (more > 0)
     outside = [result["name"] for result in summary["expectations"] if result.get("is_outside")]
     outcome = (
-        f"{judged - met} of {judged} requirements fail: {listed}."
-        if names
+        f"{judged - met} of {judged} requirements fail."
+        if met < judged
         else f"all {judged}{' judged' * bool(outside)} requirements are met"
         + f"; {len(outside)} not judged lie{'s' * (len(outside) == 1)} outside of nominal limits: {list_names(outside)}"
         * bool(outside)
@@ -355,30 +350,52 @@ def outcome_sentence(
     return outcome[:1].upper() + outcome[1:]
 
 
-def compare_failures(
+def default_values(
     expectations: Sequence[Expectation], evaluation: Evaluation, default: Mapping[str, Any]
-) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Return each failed requirement with its variants and their metric in the default run and in this one: `20 mN → 30 mN`.
+) -> dict[str, dict[str, str]]:
+    """Return the metric of each failed requirement in the default run, by variant; of a signal its range, by an empty name.
 
-    Of a requirement of a signal, its range in the default run. `default`: summary of that run; what it has no value of is left out.
+    `default`: summary of that run; what it has no value of is left out.
     """
-    formats, ranges = metric_formats(evaluation.metric_results), {}
+    formats, values = metric_formats(evaluation.metric_results), {}
     for outcome in default.get("expectations", ()):
-        ranges[outcome["name"]] = outcome["detail"].partition(" was ")[2].partition("; expected")[0]
-    differences = []
+        if text := outcome["detail"].partition(" was ")[2].partition("; expected")[0]:
+            values[outcome["name"]] = {"": text}
     for expectation, result in zip(expectations, evaluation.expectation_results, strict=False):
-        rows = []
         for own in evaluation.metric_results if result.verdict == "fail" else ():
             variants = default.get("metrics", {}).get(own.metric.name, {}).get("variants", {})
-            before = variants.get(own.variant, {}).get("mean")
-            if expectation.judges(own) and None not in (before, own.mean):
+            is_mean = expectation.mean or expectation.ordered or not own.metric.has_worst
+            before = variants.get(own.variant, {}).get("mean" if is_mean else "worst")
+            if expectation.judges(own) and before is not None:
                 factor, offset = si_conversion(own.metric.unit, own.metric.is_difference)
-                style, values = formats[own.metric.name], (before * factor + offset, own.mean)
-                rows.append((own.variant, " → ".join(style.text(value, own.scale) for value in values)))
-        if result.verdict == "fail" and not rows and ranges.get(result.name):
-            rows.append((f"{ranges[result.name]} →", "outside of the limits"))
-        differences += [(result.name, rows)] * bool(rows)
-    return differences
+                text = formats[own.metric.name].text(before * factor + offset, own.scale)
+                values[result.name] = values.get(result.name, {}) | {own.variant: text}
+    return values
+
+
+def failure_rows(
+    failures: Iterable[tuple[ExpectationResult, str]], defaults: Mapping[str, Mapping[str, str]]
+) -> list[dict[str, Any]]:
+    """Return the rows of the table of failures: limit, value in the default run and in this one, and the worst case."""
+    rows = []
+    for failure, target in failures:
+        limit = failure.detail.partition(", expected ")[2].partition("; ")[0].rstrip(".")
+        variant, seed, value, time = failure.cases[0] if failure.cases else ("", "", failure.detail, "")
+        own = defaults.get(failure.name, {})
+        before = own.get(variant) or "; ".join(f"{name} {text}".strip() for name, text in own.items())
+        case = f"{variant}, seed {seed}" if failure.cases else ""
+        rows.append(
+            {
+                "failure": failure,
+                "target": target,
+                "limit": limit,
+                "before": before,
+                "value": value,
+                "case": case,
+                "time": time,
+            }
+        )
+    return rows
 
 
 def read_summary(folder: str) -> dict[str, Any]:

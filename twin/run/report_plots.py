@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import urlencode
 
 from twin import clock
-from twin.results import Plot, PlotCurve, join_numbers, list_names, plot_annotations, plotting
+from twin.results import Plot, PlotCurve, Window, join_numbers, list_names, plot_annotations, plotting
 from twin.run import report_curves
 from twin.run.report_figure import ReportFigure
 
@@ -96,6 +96,7 @@ def plots_of_unshown_violations(plots: Sequence[Plot], tables: Tables, violation
                 (curve,),
                 unit=violation.unit,
                 per_variant=len(variants) > 1,
+                window=violation.window if violation.span else Window(),
                 variants=variants,
             )
         )

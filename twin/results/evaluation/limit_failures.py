@@ -109,12 +109,12 @@ def describe_failure(
 def list_cases(
     expectation: Expectation, failing: Iterable[CaseRange], shown: Callable[[float], str]
 ) -> tuple[tuple[str, int, str, str], ...]:
-    """Return variant, seed, value and time of the worst samples of each case, as texts; none of a mean over all."""
+    """Return variant, seed, value and time of the worst samples of each case, as texts, the worst first; none of a mean over all."""
+    samples = [sample for row in failing if row.case for sample in violating_samples(expectation, row)]
     return tuple(
-        (*row.case, shown(sample.value), time_text(sample.time, sample.window_length).strip().removeprefix("at "))
-        for row in failing
-        if row.case
-        for sample in violating_samples(expectation, row)
+        (*sample.case, shown(sample.value), time_text(sample.time, sample.window_length).strip().removeprefix("at "))
+        for sample in sorted(samples, key=lambda sample: -sample.excess)
+        if sample.case
     )
 
 

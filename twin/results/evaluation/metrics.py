@@ -213,7 +213,7 @@ class ExpectationResult:
     """Result of one expectation: pass, fail, or skipped if its variants were not run, or not to the end of its window.
 
     `detail`: one line; of a failure the worst values, the limits, the time and the cases. `more`: what was left out there.
-    `cases`: variant, seed, value and time of each, if a requirement fails in several. `is_outside`: it is skipped, as it is of
+    `cases`: variant, seed, value and time of each that fails, the worst first. `is_outside`: it is skipped, as it is of
     the scenario's own parameters, but its values lie outside of the limits.
     """
 
@@ -413,4 +413,4 @@ def check_limits(
         )
         return ExpectationResult(name, "pass", f"{what} was {span}; expected {expected}.")
     detail, more = describe_failure(expectation, failing, run, shown)
-    return ExpectationResult(name, "fail", detail, more, list_cases(expectation, failing, shown) * (len(failing) > 1))
+    return ExpectationResult(name, "fail", detail, more, list_cases(expectation, failing, shown))
