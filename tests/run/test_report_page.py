@@ -419,6 +419,9 @@ def test_values_at_two_times_are_exact_and_in_every_pane(page) -> None:
         expected = np.interp(times, TIME, tables()[case].values["a.force"])
         found = re.findall(r"([\d.]+) → ([\d.]+)", text)
         np.testing.assert_allclose(np.array(found[0], float), expected, atol=1e-4)
+    page.mouse.move(*place(page, 0, 0.5))
+    page.wait_for_selector(".twin-hover:not([hidden])")  # beside the pointer: above, it would cover those of t1 and t2
+    assert not page.locator(".twin-read:not([hidden])").count()
 
 
 @pytest.mark.slow
@@ -532,6 +535,13 @@ def test_a_link_of_the_contents_unfolds_a_plot(page) -> None:
     page.locator("nav a", has_text="Position").click()
     page.wait_for_function("document.querySelector('#plots details:has(figure)').open")
     page.wait_for_function(f"{CHARTS}.at(-2).width > 300 && {CHARTS}.at(-2).frames > 0")
+    page.set_viewport_size({"width": 900, "height": 700})  # the menu of a narrow page has the plots, too
+    folded.evaluate_all("(all) => all.forEach((one) => { one.open = false; })")
+    page.locator("nav select").select_option(label="– Position")
+    page.wait_for_function("document.querySelector('#plots details:has(figure)').open")
+    page.wait_for_function(
+        "document.querySelector('nav').getBoundingClientRect().bottom <= document.querySelector('#plots details:has(figure)').getBoundingClientRect().top + 1"
+    )
 
 
 @pytest.mark.slow
