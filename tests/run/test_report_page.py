@@ -537,7 +537,7 @@ def test_a_link_of_the_contents_unfolds_a_plot(page) -> None:
     page.wait_for_function(f"{CHARTS}.at(-2).width > 300 && {CHARTS}.at(-2).frames > 0")
     page.set_viewport_size({"width": 900, "height": 700})  # the menu of a narrow page has the plots, too
     folded.evaluate_all("(all) => all.forEach((one) => { one.open = false; })")
-    page.locator("nav select").select_option(label="– Position")
+    page.locator("nav select").select_option(page.locator("nav a", has_text="Position").get_attribute("href"))
     page.wait_for_function("document.querySelector('#plots details:has(figure)').open")
     page.wait_for_function(
         "document.querySelector('nav').getBoundingClientRect().bottom <= document.querySelector('#plots details:has(figure)').getBoundingClientRect().top + 1"
