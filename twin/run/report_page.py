@@ -179,7 +179,11 @@ def report_html(
     failures = link_failures(evaluation, figures)
     notes = group_lines(summary.get("notes", ()), tables)
     changed_notes = [note for note in notes if any(option in note for option in summary.get("overrides", ()))]
-    sentence = summary.get("sentence") or outcome_sentence(summary, [failure for failure, _ in failures], changes)
+    factors = summary.get("study", {}).get(
+        "factors", {}
+    )  # of a case of a study: its own values, not those of each variable
+    stated = [(" ".join(item), "") for item in factors.items() if len(factors) <= MAX_NAMES] if factors else changes
+    sentence = summary.get("sentence") or outcome_sentence(summary, [failure for failure, _ in failures], stated)
     notes = [note for note in notes if note not in changed_notes]
     summary = {**summary, "reason": reason, "notes": notes, "sentence": sentence}
     return (

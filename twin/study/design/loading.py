@@ -174,9 +174,9 @@ class StudyLoader(ValueReader):
             self.add_problem("both `sets` and `scales` are given. Make two factors of them.", "vary", name)
         if not keys.source:
             self.add_problem("`source` is missing: where its distribution comes from, or `assumed: why`.", "vary", name)
-        distribution = self._distribution(name, keys, symbol) if has_unit else None
+        distribution = self._distribution(name, keys, symbol if has_unit else keys.stated_unit)
         where = str(self.root.find(("vary", name)).location)
-        if distribution is None:
+        if distribution is None or not has_unit:
             return None
         shown_in = keys.stated_unit or display
         return Factor(name, sets, tuple(keys.scales), distribution, symbol, shown_in, keys.source, where, keys.at)
