@@ -101,9 +101,6 @@ def pass_sentences(answers: Answers) -> list[Sentence]:
             sentences.append(Sentence(f"{text}; the worst is case {worst.number}{of}, {worst.text}.", worst.number))
         else:  # an order of variants, or only cases that did not finish
             sentences.append(Sentence(f"{text}; one that fails is case {rate.failing[0]}.", rate.failing[0]))
-    names, below = {rate.name for rate in answers.shares}, {rate.name for rate in missed}
-    if names > below and not answers.is_partial:
-        sentences.append(Sentence(f"{len(names - below)} of {len(names)} requirements hold in every case."))
     return sentences
 
 
@@ -267,7 +264,8 @@ def cause_sentences(answers: Answers) -> list[Sentence]:
             unexplained.append(sentence(f"{what} fails in some cases; no factor's effect on it differs from chance."))
     repeated = f"rank correlation |{percent(answers.study.keys.confidence)} confidence interval "
     for (verb, where), (first, *others) in followers.items():
-        names = " and ".join([first, *(re.sub(repeated, "", name) for name in others[: MAX_SENTENCES - 1])])
+        *before, last = [first, *(re.sub(repeated, "", name) for name in others[: MAX_SENTENCES - 1])]
+        names = f"{', '.join(before)} and {last}" if before else last
         sentences.append(sentence(f"{names} {verb}{'s' * (not others)} {where}."))
     if not sentences:
         return [
@@ -370,4 +368,6 @@ def lowest_pass_rate(answers: Answers) -> tuple[str, str]:
     if lowest == 1.0 and not answers.failed:
         count = sum(entry.kind == "expectation" for entry in answers.left_out)
         return "pass", "✓ every case passes" + (f", {count} requirement{'s' * (count > 1)} not judged" if count else "")
-    return "fail" if lowest < 1.0 else "warn", f"lowest pass rate {percent(lowest)}"
+    names, below = ({rate.name for rate in answers.shares if rate.part < bound} for bound in (2.0, 1.0))
+    always = f"{len(names - below)} of {len(names)} requirements hold in every case, " * (names > below > set())
+    return "fail" if below else "warn", f"{always}lowest pass rate {percent(lowest)}"
