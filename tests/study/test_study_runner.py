@@ -285,7 +285,10 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
     ("status", "top"),
     [
         ("running", r"As of \d\d:\d\d:\d\d, 3 of 12 cases\. This page reloads itself; plots follow\."),
-        ("interrupted", r"3 of 12 cases finished\. Continue \(this page follows within a minute\): twin study patients\.yaml --resume Copy"),
+        (
+            "interrupted",
+            r"3 of 12 cases finished\. Continue \(this page follows within a minute\): twin study patients\.yaml --resume Copy",
+        ),
     ],
 )
 def test_a_page_before_the_end_says_how_far_it_is(tmp_path, status, top):

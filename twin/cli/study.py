@@ -258,7 +258,10 @@ def show_estimate(study: Study, estimate: TimeEstimate) -> None:
     keep = study.keys.keep
     count = keep.failed + keep.worst * len(study.metrics) * len(study.variants)
     seconds = count * (REPEAT_TIME + max(estimate.seconds.values()))
-    keeping = f", and keeping up to {count} cases with all signals, up to {duration_text(seconds)}" * bool(count)
+    keeping = (
+        f", and keeping up to {count} case{'s' * (count > 1)} with all signals, up to {duration_text(seconds)}"
+        * bool(count)
+    )
     processes = f"{estimate.workers} process{'es' * (estimate.workers > 1)}"
     say(
         f"About {duration_text(estimate.total)} with {processes}, of which {duration_text(estimate.preparation)} to begin; "

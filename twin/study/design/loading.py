@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -174,9 +175,13 @@ class StudyLoader(ValueReader):
             self.add_problem("both `sets` and `scales` are given. Make two factors of them.", "vary", name)
         if not keys.source:
             self.add_problem("`source` is missing: where its distribution comes from, or `assumed: why`.", "vary", name)
-        distribution = self._distribution(name, keys, symbol if has_unit else keys.stated_unit)
+        member, _, variable = sets[0].partition(".") if sets else ("", "", "")
+        own = self.catalog.get(member, {})
+        for guess in () if has_unit else get_close_matches(variable, own, 1):  # its values are checked, too
+            self._distribution(name, keys, own[guess].unit)
+        distribution = self._distribution(name, keys, symbol) if has_unit else None
         where = str(self.root.find(("vary", name)).location)
-        if distribution is None or not has_unit:
+        if distribution is None:
             return None
         shown_in = keys.stated_unit or display
         return Factor(name, sets, tuple(keys.scales), distribution, symbol, shown_in, keys.source, where, keys.at)
