@@ -216,14 +216,14 @@ def studied(calls, monkeypatch):
             "interrupted",
             0,
             0,
-            (130, [], ["interrupted: 0 finished cases are kept. Continue: twin study 'a b.yaml' --resume"]),
+            (130, [], ["interrupted: no case is finished. Continue: twin study 'a b.yaml' --resume"]),
         ),
     ],
 )
 def test_how_a_study_ends(studied, status, cases, failed, result):
     code, printed, errors = result
-    begin = "Title"
-    assert studied(status, cases, failed) == (code, printed, [begin, *errors])
+    begin = ["reading a.yaml ...", "Title"]
+    assert studied(status, cases, failed) == (code, printed, [*begin, *errors])
 
 
 @every_case(
@@ -258,7 +258,7 @@ def test_a_complete_study_is_a_gate(studied, tmp_path):
 
 def test_a_complete_study_is_not_run_again(studied, calls):
     lines = ["Title: already complete, nothing run. Results: latest a in runs"]
-    assert studied("complete before", 3, 0, "--resume") == (0, lines, [])
+    assert studied("complete before", 3, 0, "--resume") == (0, lines, ["reading a.yaml ..."])
     assert not calls
 
 

@@ -3,6 +3,7 @@
 import dataclasses
 import io
 import re
+from collections import defaultdict
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -166,6 +167,7 @@ def study_outcome():
         part_names=["50 %", "95 %"],
         quantiles=lambda _: [1.0, 2.0],
         shares=[SimpleNamespace(name="safe", variant="PI", part=0.85)],
+        study=SimpleNamespace(metrics=defaultdict(lambda: SimpleNamespace(has_worst=True))),
         clusters=[
             SimpleNamespace(what="safe", variant="PI", cases=[5, 7], factors=[mark, low]),
             SimpleNamespace(what="fast", variant="PI", cases=[9], factors=[]),
@@ -177,6 +179,7 @@ def study_outcome():
         cases=SimpleNamespace(rows=[0] * 30),
         before=10,
         seconds=4.0,
+        report_seconds=3.0,
         worst=None,
         tuned=None,
     )
@@ -190,9 +193,7 @@ def test_results_of_a_study(capsys, monkeypatch):
         monkeypatch,
         "twin.study",
         percent="{:.0%}".format,
-        headline=lambda *_: [
-            SimpleNamespace(text=text, case=9, topic="Causes") for text in ("A sentence.", "Another.")
-        ],
+        headline=lambda *_: [SimpleNamespace(text=text, case=9, topic="Goes") for text in ("A sentence.", "Another.")],
     )
     assert study.show(outcome, answers) == 9
     first = rows(capsys.readouterr().out)
@@ -208,14 +209,14 @@ def test_results_of_a_study(capsys, monkeypatch):
         ["safe", "PI", "85%", "80 to 90 %"],
         ["fails: safe (PI): 2 cases, rate high, noise low, such as case 5"],
         ["fails: fast (PI): 1 case, such as case 9"],
-        ["Causes", "A sentence."],
+        ["Goes", "A sentence."],
         ["Another."],
     ]
     assert second == [
         ["Study"],
         ["change", "metric", "from", "to"],
         ["rate up", "force", "force 1", "force 2"],
-        ["Causes", "A sentence."],
+        ["Goes", "A sentence."],
         ["Another."],
     ]
 
@@ -228,28 +229,28 @@ def test_results_of_a_study(capsys, monkeypatch):
             0,
             [1.0],
             {},
-            "PASS 30 cases, 20 of them now in 4 s. Report: runs/a/1/r.html  Look: twin run --case a:5",
+            "PASS 30 cases, 20 of them now in 4 s, of which 1 s for the cases. Report: runs/a/1/r.html  Look: twin run --case a:5",
         ),
         (
             "completed",
             0,
             [0.5],
             {7: "x"},
-            "DONE 30 cases, 20 of them now in 4 s. Report: runs/a/1/r.html  Look: twin view a:7",
+            "DONE 30 cases, 20 of them now in 4 s, of which 1 s for the cases. Report: runs/a/1/r.html  Look: twin view a:7",
         ),
         (
             "completed",
             2,
             [1.0],
             {},
-            "FAIL 30 cases, 20 of them now in 4 s. Report: runs/a/1/r.html  Look: twin run --case a:5",
+            "FAIL 30 cases, 20 of them now in 4 s, of which 1 s for the cases. Report: runs/a/1/r.html  Look: twin run --case a:5",
         ),
         (
             "interrupted",
             0,
             [],
             {},
-            "INTERRUPTED 30 of 80 cases, 20 of them now in 4 s. Report: runs/a/1/r.html  Look: twin run --case a:5",
+            "INTERRUPTED 30 of 80 cases, 20 of them now in 4 s, of which 1 s for the cases. Report: runs/a/1/r.html  Look: twin run --case a:5",
         ),
     ],
 )
@@ -297,7 +298,10 @@ def test_progress_of_a_study(capsys):
     display.last_line -= study.LINE_INTERVAL
     for one in made[:3]:
         display.update(one)
+    for phase in ("keeping case 3 (1 of 2)", "keeping case 4 (2 of 2)", "drawing the plots"):
+        display.update(dataclasses.replace(made[2], phase=phase, folder=Path("runs/a")))
     shown = [progress_text(made[0]), "report so far: r.html", progress_text(made[2])]
+    shown += ["results: runs/a/report.html", "4 of 4 cases; keeping case 3 (1 of 2)", "4 of 4 cases; drawing the plots"]
     assert capsys.readouterr().err.splitlines() == shown
 
 
@@ -307,8 +311,11 @@ def test_a_signal_to_a_study_is_acknowledged_at_once(monkeypatch):
     monkeypatch.setattr("os.write", lambda number, text: seen.append((number, text.decode())))
     monkeypatch.setattr("os._exit", seen.append)
     display = study.StudyDisplay("Study", "twin study a --resume")
-    display.update(StudyProgress("sample", 2, 32, 0, float("nan"), float("nan")))
     end = "Continue: twin study a --resume\n"
+    display.acknowledge_signal()
+    assert "interrupted: nothing is finished, nothing is written. Ctrl-C again" in seen.pop()[1]
+    display.signal_time = 0.0
+    display.update(StudyProgress("sample", 2, 32, 0, float("nan"), float("nan")))
     display.acknowledge_signal()
     display.acknowledge_signal()  # `timeout` signals the process and its group
     assert seen == [

@@ -17,6 +17,7 @@ from tests.every_case import every_case
 from twin.errors import ScenarioError
 from twin.results import Expectation, Metric, MetricFormat, Plot, Signals, Window, evaluate, format_value
 from twin.results.evaluation import expression
+from twin.results.evaluation.limit_failures import time_text
 from twin.results.evaluation.reduction import REDUCTIONS
 from twin.run.report import metric_rows
 
@@ -225,6 +226,7 @@ def test_a_value_of_a_window_has_the_window_as_its_time() -> None:
     limits = [Expectation("m", "m", at_most=1.0, unit="N"), Expectation("s", signal=windows, at_most=1.0, unit="N")]
     outcomes = evaluate({"m": Metric("m", windows, "max", unit="N")}, limits, {("A", 1): recorded}).expectation_results
     assert [each.detail for each in outcomes] == ["3 N in 12 s to 22 s, expected at most 1 N."] * 2
+    assert time_text(21.995, 10.0) == " in 12 s to 22 s"  # of rows every 5 ms, the first one at 12 s
 
 
 def test_all_pairs_out_of_order_are_named() -> None:

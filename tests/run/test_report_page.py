@@ -222,6 +222,15 @@ def test_a_changed_run_says_what_fails_and_what_it_was_in_the_default_run(tmp_pa
     assert "With a.k 4 instead of 2, 2 of 2 requirements fail." in head
     assert "<b>Changed:</b>" not in head  # said once
     assert f'<p class="warn">{warning}</p>' in head
+    own = {
+        "title": "Study",
+        "case": 3,
+        "factors": {"heart.rate": "68.17 /min", "friction": "x 0.5319"},
+        "overrides": [],
+        "page": "",
+    }
+    of_study = report_page.report_html(summary | {"study": own}, evaluation, tables())
+    assert "With heart.rate 68.17 /min, friction x 0.5319, 2 of 2 requirements fail" in of_study
     assert warning not in rest
     assert "another" in rest
     table = rest[rest.index('<table class="failures') :]

@@ -189,7 +189,7 @@ scenario: scenario.yaml
 variants: [plane]
 samples: {method: morris, count: 4}
 vary:
-  heart.rat: {uniform: [1 Hz, 2 Hz], source: assumed}
+  heart.rat: {uniform: [1 Hz, 2 m], source: assumed}
   heart.scale: {uniform: [1.5, 0.5], source: assumed}
   heart.rate: {normal: [1 m, 2 Hz], source: assumed}
   wall.free_length: {uniform: [40 mm, 50 mm]}
@@ -205,6 +205,7 @@ def test_all_mistakes_are_told_with_their_lines(tmp_path):
     for line, text in (
         (3, "there is no variant `plane`"),
         (6, "has no variable 'rat'"),
+        (6, "does not convert to Hz"),  # its values, too
         (7, "uniform from 1.5 to 0.5 is empty"),
         (8, "does not convert to Hz"),
         (9, "`source` is missing"),

@@ -160,7 +160,9 @@ def test_histograms_count_all_cases_with_a_value(study, drawn):
     assert len(good) == 10  # of few cases
     assert [len(plots.bin_edges(np.arange(float(count)))) - 1 for count in (50, 400, 10_000)] == [14, 40, 60]
     lines = {round(line.get_xdata()[0], 6): color(line) for line in axis.lines}
-    assert lines.pop(90.0) == plots.BAD  # the limit
+    assert lines.pop(90.0) == plots.BAD  # the limit, dashed as its note says, and labeled
+    assert [line.get_linestyle() for line in axis.lines if line.get_xdata()[0] == pytest.approx(90.0)] == ["--"]
+    assert [text.get_text() for text in axis.texts] == ["limit 90 mN"]
     assert sorted(lines) == pytest.approx([20.0, 50.0, 100.0])  # smallest, median, largest of six
     assert axis.get_xlabel() == "force_max [mN]"
     assert plots.histogram(cases_of(study, [None] * 6), "force_max", "plain", "mN") == ""

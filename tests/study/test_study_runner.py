@@ -228,7 +228,7 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
         ("4", "cases: 2 variants of each sample"),
         ("6", "samples, latin hypercube"),
         ("1", "did not finish"),
-        ("12.3 s", "3 processes, without this report"),
+        ("12.3 s", "for the cases, 3 processes; keeping cases and this report come after"),
     ]
     rows = [cells(row) for row in re.findall("<tr.*?</tr>", text, re.DOTALL)]
     first, second, third, last = rows[-4:]
@@ -285,7 +285,10 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
     ("status", "top"),
     [
         ("running", r"As of \d\d:\d\d:\d\d, 3 of 12 cases\. This page reloads itself; plots follow\."),
-        ("interrupted", r"3 of 12 cases finished\. Continue: twin study patients\.yaml --resume Copy"),
+        (
+            "interrupted",
+            r"3 of 12 cases finished\. Continue \(this page follows within a minute\): twin study patients\.yaml --resume Copy",
+        ),
     ],
 )
 def test_a_page_before_the_end_says_how_far_it_is(tmp_path, status, top):
@@ -295,6 +298,8 @@ def test_a_page_before_the_end_says_how_far_it_is(tmp_path, status, top):
     write_report(outcome, PlotSet())
     text = cells((tmp_path / page.PAGE).read_text().partition("<header>")[2])
     assert re.search(top, text)
+    seconds = {"running": 15, "interrupted": 60}[status]  # it notices --resume
+    assert f'<meta http-equiv="refresh" content="{seconds}">' in (tmp_path / page.PAGE).read_text()
     assert "No requirement fails in the 3 of 12 cases that are done." in text
     assert "3 of 12 cases: 2 variants of each sample 6 samples planned" in text
     assert " hold" not in text.partition("cases: 2 variants")[0]

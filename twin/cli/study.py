@@ -27,6 +27,8 @@ INTERRUPTED = 130  # exit code
 SAME_SIGNAL = 1.0  # further signals in this time are of the same request: of a terminal and of `timeout`, say [s]
 CLEAR_LINE, SHOW_CURSOR = "\r\033[K", "\033[?25h"
 LINE_INTERVAL = 10.0  # between two progress lines without a bar [s]
+NOTHING = "nothing is finished, nothing is written"  # before the first case
+REPEAT_TIME = 2.0  # of a case that is kept, with its report, besides its simulation, about [s]
 WORST = "worst case"  # title of a column
 MAX_FAILURES = 8  # groups of failed cases that are listed
 
@@ -96,9 +98,10 @@ def command(
     twin study thousand_patients --require-pass '95 %'
     twin run --case thousand_patients:713     repeat one case, with all signals
     """
+    required = required_rate(require_pass)
+    say(f"reading {file} ...", err=True)  # at once: what follows takes seconds
     from twin.study import Answers, is_complete, latest, load_study, run_study
 
-    required = required_rate(require_pass)
     study = load_study(file)
     if check_only:
         from twin.study import estimate_time, unreached_windows
@@ -114,7 +117,8 @@ def command(
         say(f"{study.title}: already complete, nothing run. Results: {folder}")
         sys.exit(bool(required) and fails_gate(stored_rates(folder), required))
     line = shlex.join(["twin", *sys.argv[1:]])
-    with StudyDisplay(study.title, f"{line}{' --resume' * (not resume)}") as display:
+    file_name = "cases.parquet" if no_report else "report.html"
+    with StudyDisplay(study.title, f"{line}{' --resume' * (not resume)}", file_name) as display:
         outcome = run_study(
             study,
             root=runs,
@@ -135,10 +139,9 @@ def command(
         named = show(outcome, answers)
         rates = [(rate.name, rate.variant, rate.part) for rate in answers.shares]
         is_below = required > 0.0 and outcome.status == "completed" and fails_gate(rates, required)
-        file_name = "cases.parquet" if no_report else "report.html"
         show_verdict(outcome, answers, file_name, named, is_below=is_below)
     if outcome.status == "interrupted":
-        cases = f"{count} finished case{'s are' if count != 1 else ' is'} kept"
+        cases = f"{count} finished case{'s are' if count != 1 else ' is'} kept" if count else "no case is finished"
         say(f"interrupted: {cases}. Continue: {display.resume}", err=True)
         sys.exit(INTERRUPTED)
     if answers is not None and (answers.failed or is_below):
@@ -182,12 +185,15 @@ class StudyDisplay(ProgressBar):
 
     has_report = False
 
-    def __init__(self, title: str, resume: str) -> None:
+    def __init__(self, title: str, resume: str, file_name: str = "report.html") -> None:
         super().__init__(title)
         self.resume = resume  # command that continues the study
+        self.file_name = file_name
+        self.folder: Path | None = None
         self.last_line = -LINE_INTERVAL
         self.signal_time = 0.0  # of the first signal
-        self.summary = "the finished cases are kept"
+        self.summary = NOTHING
+        self.phase = ""
 
     def __enter__(self) -> Self:
         super().__enter__()
@@ -200,14 +206,20 @@ class StudyDisplay(ProgressBar):
         """Show cases, remaining time and failures so far."""
         from twin.study import progress_text
 
+        if self.folder is None and progress.folder is not None:
+            self.folder = progress.folder
+            say(f"results: {self.folder / self.file_name}", err=True)
         if progress.report is not None and not self.has_report:
             self.has_report = True
             say(f"report so far: {progress.report}", err=True)
         text = progress_text(progress)
-        self.summary = f"{progress.done} of {progress.count} cases are kept"
+        if progress.done:
+            self.summary = f"{progress.done} of {progress.count} cases are kept"
         self.show(text, progress.done / max(progress.count, 1))
         is_end = progress.done == progress.count and not progress.phase
-        if self.bar is None and (time.monotonic() - self.last_line >= LINE_INTERVAL or is_end):
+        before, self.phase = self.phase, progress.phase.partition(" ")[0]
+        is_new = self.phase not in ("", before)
+        if self.bar is None and (time.monotonic() - self.last_line >= LINE_INTERVAL or is_end or is_new):
             self.last_line = time.monotonic()
             say(text, err=True)
 
@@ -218,7 +230,7 @@ class StudyDisplay(ProgressBar):
             return
         self.signal_time = self.signal_time or now
         text = (
-            f"interrupted: {self.summary}, tables and report are being written. Ctrl-C again: end at once. "
+            f"interrupted: {self.summary}{', tables and report are being written' * (self.summary != NOTHING)}. Ctrl-C again: end at once. "
             if is_first
             else f"ended at once: {self.summary}. "
         )
@@ -243,10 +255,17 @@ def show_estimate(study: Study, estimate: TimeEstimate) -> None:
         say(f"did not finish: {why}")
     from twin.study import duration_text
 
+    keep = study.keys.keep
+    count = keep.failed + keep.worst * len(study.metrics) * len(study.variants)
+    seconds = count * (REPEAT_TIME + max(estimate.seconds.values()))
+    keeping = (
+        f", and keeping up to {count} case{'s' * (count > 1)} with all signals, up to {duration_text(seconds)}"
+        * bool(count)
+    )
     processes = f"{estimate.workers} process{'es' * (estimate.workers > 1)}"
     say(
         f"About {duration_text(estimate.total)} with {processes}, of which {duration_text(estimate.preparation)} to begin; "
-        "not included: the report, 10 s or more, and repeating the cases that are kept."
+        f"not included: the report, 10 s or more{keeping}."
     )
 
 
@@ -315,7 +334,8 @@ def show_verdict(
     seconds = f"{outcome.seconds:.3g} s" if outcome.seconds < 100 else f"{outcome.seconds:.0f} s"
     of_total = f" of {outcome.study.total}" if outcome.status == "interrupted" else ""
     now = f", {count - outcome.before} of them now" if outcome.before else ""
-    show_outcome(word, f"{count}{of_total} cases{now} in {seconds}.", outcome.folder / file, look)
+    parts = f", of which {outcome.seconds - outcome.report_seconds:.3g} s for the cases" * bool(outcome.report_seconds)
+    show_outcome(word, f"{count}{of_total} cases{now} in {seconds}{parts}.", outcome.folder / file, look)
 
 
 def show_distributions(answers: Answers, console: Console) -> None:
@@ -325,7 +345,8 @@ def show_distributions(answers: Answers, console: Console) -> None:
     quantiles, rows = answers.part_names, []
     for spread in answers.spreads:
         values = [answers.metric(spread.metric, value) for value in answers.quantiles(spread)]
-        numbers = {**dict(zip(quantiles, values, strict=True)), WORST: str(spread.worst)}
+        worst = str(spread.worst) if answers.study.metrics[spread.metric].has_worst else "-"
+        numbers = {**dict(zip(quantiles, values, strict=True)), WORST: worst}
         rows.append({"metric": spread.metric, "variant": spread.variant, "paper": "-", "verdict": "info", **numbers})
     table = MetricTable(rows)
     table.titles = {title: title for title in (*quantiles, WORST)}

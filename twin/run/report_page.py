@@ -69,6 +69,8 @@ RULE = (
     "Ctrl and wheel: zoom at the pointer. Click a name: dim its curve. Values are rounded to 1/65,536 of the range of their curve."
 )
 
+MAX_FACTORS = 3  # of a case of a study, in its headline
+
 
 def metric_groups(evaluation: Evaluation) -> dict[str, list[dict[str, str]]]:
     """Return the rows of each metric; metrics with a failure come first."""
@@ -184,7 +186,10 @@ def report_html(
     failures = link_failures(evaluation, figures)
     notes = group_lines(summary.get("notes", ()), tables)
     changed_notes = [note for note in notes if any(option in note for option in summary.get("overrides", ()))]
-    sentence = summary.get("sentence") or outcome_sentence(summary, changes)
+    # of a case of a study: its own values, not those of each variable
+    factors = summary.get("study", {}).get("factors", {})
+    stated = [(" ".join(item), "") for item in factors.items() if len(factors) <= MAX_FACTORS] if factors else changes
+    sentence = summary.get("sentence") or outcome_sentence(summary, stated)
     notes = [note for note in notes if note not in changed_notes]
     summary = {**summary, "reason": reason, "notes": notes, "sentence": sentence}
     return (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -146,4 +147,8 @@ def time_text(time: float | None, window_length: float = 0.0) -> str:
     """Return ` at 1.2 s`, of the value of a window ` in 12 s to 22 s`; empty without a time."""
     if time is None:
         return ""
-    return f" in {time - window_length:.6g} s to {time:.6g} s" if window_length else f" at {time:.6g} s"
+    if not window_length:
+        return f" at {time:.6g} s"
+    decimals = 2 - math.floor(math.log10(window_length))  # of 10 s, to 0.1 s: its first sample is a row after its begin
+    begin, end = (round(instant, decimals) for instant in (time - window_length, time))
+    return f" in {begin:.6g} s to {end:.6g} s"

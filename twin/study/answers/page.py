@@ -57,7 +57,8 @@ EFFECT_NOTES = {
     "(total). Indices below 0 or above 1 come from too few samples.",
     "morris": "Mean absolute effect: by how much the metric changes, on average, over the whole range of a factor.",
     "rank": "Rank correlation (Spearman): 1 where the metric always grows with the factor, -1 where it always falls, 0 for no trend. "
-    "With `distance from median`: of how far the factor is from its median to either side, where that correlates more.",
+    "`distance from median`: the metric follows how far the factor is from its median, to either side, more than its value: "
+    "1 where it rises when the factor is far from its median.",
 }
 
 
@@ -216,7 +217,7 @@ def pictures(outcome: StudyOutcome, answers: Answers) -> dict[str, list[Plot]]:
                 if svg := plots.bands(outcome.folder, cases, name, variant, index):
                     add("Over time", f"{variant}, {name} over time", f"{note}.", svg)
     if study.design.method != "one_at_a_time":
-        note = f"Dotted: quantiles {', '.join(answers.part_names)}; dashed: limit; red: cases in which anything fails."
+        note = f"Dotted: quantiles {', '.join(answers.part_names)}; dashed red: limit; red bars: cases in which anything fails."
         for metric in dict.fromkeys(spread.metric for spread in first_of(answers)):
             for variant in study.variants:
                 if svg := plots.histogram(cases, metric, variant, unit(metric)):

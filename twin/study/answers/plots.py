@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
-from twin.results import dimension, figure_files, plotting, si_conversion
+from twin.results import dimension, figure_files, format_value, plotting, si_conversion
 from twin.study.answers.statistics import resolved_part
 from twin.study.design import SAMPLED
 from twin.study.execution.case_engine import DONE
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 WIDTH, WIDE = 4.4, 9.2  # of a plot that is legible on a phone, and of one with many axes [inch]
 LINES = 400  # of parallel coordinates: more are one area
 BAD, GOOD = "#b42335", "#0b62a4"
+LIMIT_LINE: dict[str, Any] = {"color": BAD, "linewidth": 1.2, "linestyle": (0, (6, 3))}
 BANDS = (0.0, 0.05, 0.25, 0.75, 0.95, 1.0)
 
 
@@ -99,7 +100,15 @@ def scatter(cases: CaseTable, metric: str, variant: str, factor: int, unit: str)
             )
             points.set_urls([f"#case-{cases.requests[i].number}" for i in case_indices])
         for limit in limits_of(study, variant, metric):
-            axis.axhline((limit - offset) / scale, color=BAD, linewidth=1.0, linestyle=(0, (2, 1.5)))
+            height = axis.axhline((limit - offset) / scale, **LIMIT_LINE).get_ydata()[0]
+            axis.annotate(
+                limit_text(study, metric, limit, unit),
+                (0.01, height),
+                xycoords=axis.get_yaxis_transform(),
+                xytext=(0, 2),
+                textcoords="offset points",
+                color=BAD,
+            )
         axis.set_xlabel(plotting.axis_label(varied.name, varied.shown_unit))
         axis.set_ylabel(plotting.axis_label(metric, unit))
 
@@ -120,6 +129,11 @@ def limits_of(study: Study, variant: str, metric: str) -> list[float]:
     ]
     own = [expectation for expectation in own if variant in (expectation.variants or (variant,))]
     return [limit for expectation in own for limit in (expectation.at_least, expectation.at_most) if limit is not None]
+
+
+def limit_text(study: Study, metric: str, limit: float, unit: str) -> str:
+    """Return `limit 6 mN`, of a limit in SI."""
+    return f"limit {format_value(limit, unit, is_difference=study.metrics[metric].is_difference)}"
 
 
 def histogram(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
@@ -145,9 +159,19 @@ def histogram(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
         edges = all_edges[variant]
         kinds = [np.minimum(part, edges[-1]) for part in (finite_values[~bad], finite_values[bad])]
         axis.hist(kinds, bins=edges, color=[GOOD, BAD], stacked=True)
-        limits = [(limit - offset) / factor for limit in limits_of(study, variant, metric)]
-        for limit in limits:
-            axis.axvline(limit, color=BAD, linewidth=1.0, linestyle=(0, (2, 1.5)))
+        for limit in limits_of(study, variant, metric):
+            x = axis.axvline((limit - offset) / factor, **LIMIT_LINE).get_xdata()[0]
+            side = (2, "left") if x < (min(ends) + max(ends)) / 2 else (-2, "right")  # towards the middle
+            axis.annotate(
+                limit_text(study, metric, limit, unit),
+                (x, 1.0),
+                xycoords=axis.get_xaxis_transform(),
+                xytext=(side[0], -2),
+                textcoords="offset points",
+                ha=side[1],
+                va="top",
+                color=BAD,
+            )
         for part in study.keys.quantiles:
             axis.axvline(
                 np.quantile(finite_values, resolved_part(part, len(finite_values))),
@@ -207,7 +231,7 @@ def bands(folder: Path, cases: CaseTable, name: str, variant: str, index: int) -
         heights = [float(min(map(np.nanmin, own.values()))), float(max(map(np.nanmax, own.values())))]
         for limit, sign, inside in expected(study, variant, name, time):
             height, outer = (limit - offset) / factor, ends[5 if sign > 0 else 0]
-            axis.plot(time[inside], np.full(inside.sum(), height), color=BAD, linewidth=1.0, linestyle=(0, (2, 1.5)))
+            axis.plot(time[inside], np.full(inside.sum(), height), **LIMIT_LINE)
             beyond = inside & (sign * (outer - height) > 0.0)
             axis.fill_between(time, height, outer, where=beyond, color=tint(BAD, 0.6), linewidth=0)
             heights.append(height)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from twin.study.execution.worst_case_search import WorstCase
 
 MAX_FACTORS = 2  # named as causes of a metric
-MAX_MEANING = 80  # letters of a metric's description that fits into a sentence
+MAX_MEANING = 100  # letters of a metric's description that fits into a sentence
 MAX_INDEX = 1.1  # total Sobol index that errors of enough samples can still give
 CAUSES = {
     "sobol": (
@@ -38,7 +39,6 @@ CAUSES = {
         "The largest shares of the variance of {} come from",
     ),
     "morris": ("{} changes most with",) * 2,
-    "rank": ("{} correlates most with",) * 2,
 }
 
 
@@ -59,7 +59,7 @@ def headline(answers: Answers, worst: WorstCase | None = None, tuned: Tuned | No
         "Worst case": [] if worst is None else [worst_sentence(answers, worst)],
         "Tuning": [] if tuned is None else [tuning_sentence(answers, tuned)],
         "Comparison": pair_sentences(answers),
-        "Causes": [*cause_sentences(answers), *change_sentences(answers)],
+        "What goes with it": [*cause_sentences(answers), *change_sentences(answers)],
         "Not finished": failure_sentences(answers),
     }
     return [replace(sentence, topic=topic) for topic, sentences in topics.items() for sentence in sentences]
@@ -128,7 +128,8 @@ def worst_case(answers: Answers, rate: PassRate) -> WorstInLimit | None:
         answers.metric(what, number) if what in answers.formats else own.shown(number)
         for number in (worst.value, worst.limit)
     )
-    text = f"where {what} is {value}, expected {worst.word} {limit}"
+    named = meaning(answers, what) if what in answers.study.scenario.metrics else what
+    text = f"where {named} is {value}, expected {worst.word} {limit}"
     return WorstInLimit(worst.excess, worst.number, text)
 
 
@@ -241,19 +242,31 @@ def cause_sentences(answers: Answers) -> list[Sentence]:
     if not tested or few_sentences(answers):
         return []
     largest = largest_p_value(effect.p_value for driver in tested for effect in driver.effects)
-    sentences, unexplained = list[Sentence](), list[Sentence]()
+    sentences, unexplained, followers = list[Sentence](), list[Sentence](), dict[tuple[str, str], list[str]]()
     missed = missed_metrics(answers)
     separated = {cluster.variant for cluster in answers.clusters if cluster.factors}
     for driver in tested:
         variant = f" with {driver.variant}" if len(answers.study.variants) > 1 else ""
         what = f"{meaning(answers, driver.metric)}{variant}"
         effects = [effect for effect in driver.effects if effect.p_value <= largest][:MAX_FACTORS]
-        if effects:
+        if effects and driver.kind == "rank":
+            for effect in effects:
+                verb = "rise" if effect.first > 0.0 else "fall"
+                where = (
+                    f"when {effect.factor} is far from its median" if effect.is_from_median else f"with {effect.factor}"
+                )
+                followers.setdefault((verb, where), []).append(f"{what} ({effect_text(answers, driver, effect)})")
+        elif effects:
             start = CAUSES[driver.kind][len(effects) > 1].format(what)
             names = " and ".join(f"{effect.label} ({effect_text(answers, driver, effect)})" for effect in effects)
             sentences.append(sentence(f"{start} {names}."))
         elif (driver.metric, driver.variant) in missed and driver.variant not in separated:
             unexplained.append(sentence(f"{what} fails in some cases; no factor's effect on it differs from chance."))
+    repeated = f"rank correlation |{percent(answers.study.keys.confidence)} confidence interval "
+    for (verb, where), (first, *others) in followers.items():
+        *before, last = [first, *(re.sub(repeated, "", name) for name in others[: MAX_SENTENCES - 1])]
+        names = f"{', '.join(before)} and {last}" if before else last
+        sentences.append(sentence(f"{names} {verb}{'s' * (not others)} {where}."))
     if not sentences:
         return [
             Sentence(f"No effect of a factor on a judged metric differs from chance in {answers.sample_count} samples.")
@@ -281,8 +294,13 @@ def missed_metrics(answers: Answers) -> set[tuple[str | None, str]]:
 
 def tested_drivers(answers: Answers) -> list[MetricSensitivity]:
     """Return the sensitivities of the judged metrics, missed ones first."""
-    judged = judged_metrics(answers)
-    own = (driver for driver in answers.drivers if driver.metric in judged)
+    judged, missed, metrics = judged_metrics(answers), missed_metrics(answers), answers.study.scenario.metrics
+    own = (
+        driver
+        for driver in answers.drivers
+        if driver.metric in judged
+        and (metrics[driver.metric].has_worst or (driver.metric, driver.variant) in missed)  # no estimate of a factor
+    )
     return sorted(own, key=lambda driver: judged.index(driver.metric))
 
 
@@ -292,10 +310,7 @@ def holm_note(answers: Answers) -> str:
     count = sum(len(driver.effects) for driver in tested)
     if not tested or few_sentences(answers):
         return ""
-    return (
-        f"Sentences at the top and the table of failures name a factor only where Holm's method at {percent(FAMILY_LEVEL)} excludes chance (here {count} tests: each factor on "
-        f"each judged metric of each variant). The {percent(answers.study.keys.confidence)} confidence intervals hold for each bar by itself."
-    )
+    return f"Sentences at the top and the table of failures name a factor only where Holm's method at {percent(FAMILY_LEVEL)} excludes chance for all {count} pairs of a factor and a judged metric together. The {percent(answers.study.keys.confidence)} confidence intervals hold for each bar by itself."
 
 
 def effect_text(answers: Answers, driver: MetricSensitivity, effect: Effect) -> str:
@@ -311,11 +326,8 @@ def effect_text(answers: Answers, driver: MetricSensitivity, effect: Effect) -> 
 
 
 def index_text(value: float) -> str:
-    """Return a correlation or an index with two decimals, with more where it would become 1.00 although it is not 1."""
-    digits = 2
-    while digits < 6 and abs(value) < 1.0 and abs(round(value, digits)) == 1.0:
-        digits += 1
-    return f"{value:.{digits}f}"
+    """Return a correlation or an index with two decimals: 0.99 where it would become 1.00 although it is not 1."""
+    return f"{value if abs(value) >= 1.0 else max(-0.99, min(value, 0.99)):.2f}"
 
 
 def judged_metrics(answers: Answers) -> list[str]:
@@ -356,4 +368,6 @@ def lowest_pass_rate(answers: Answers) -> tuple[str, str]:
     if lowest == 1.0 and not answers.failed:
         count = sum(entry.kind == "expectation" for entry in answers.left_out)
         return "pass", "✓ every case passes" + (f", {count} requirement{'s' * (count > 1)} not judged" if count else "")
-    return "warn", f"lowest pass rate {percent(lowest)}"
+    names, below = ({rate.name for rate in answers.shares if rate.part < bound} for bound in (2.0, 1.0))
+    always = f"{len(names - below)} of {len(names)} requirements hold in every case, " * (names > below > set())
+    return "fail" if below else "warn", f"{always}lowest pass rate {percent(lowest)}"

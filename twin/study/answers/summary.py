@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from twin.study.execution.case_table import CaseTable
 
 MAX_SENTENCES = 3  # of a kind
-MAX_STORED_FAILURES = 10  # cases that fail, all of whose signals are kept where the study keeps any; more, if more are the worst of a kind
 
 
 class Answers:
@@ -162,21 +161,16 @@ def percent(part: float) -> str:
 def noteworthy(cases: CaseTable, keep: KeepKeys) -> list[int]:
     """Numbers of the cases of which the study keeps everything: the worst that fail, and the worst of each metric and variant.
 
-    Of failures: the worst case of each of the lowest pass rates, which sentences name, and of each kind of failure, then the
-    others up to `MAX_STORED_FAILURES` in all.
+    Of failures: the worst case of each of the lowest pass rates, which sentences name, and of each kind of failure, then others.
     """
     numbers: list[int] = []
     if keep.failed:
         missed = sorted((rate for rate in statistics.shares(cases) if rate.part < 1.0), key=lambda rate: rate.part)
         worst = [(rate, statistics.worst_of_rate(cases, rate)) for rate in missed[:MAX_SENTENCES]]
         numbers += [entry.number for rate, entry in worst if entry and entry.number in rate.failing]
-        for cluster in failing.clusters(cases):
-            numbers += cluster.cases[: keep.failed]
-        numbers = list(dict.fromkeys(numbers))
-        others = [
-            row.number for row in cases.rows if (row.status != DONE or False in row.holds) and row.number not in numbers
-        ]
-        numbers += others[: max(MAX_STORED_FAILURES - len(numbers), 0)]
+        numbers += [cluster.cases[0] for cluster in failing.clusters(cases)]
+        numbers += [row.number for row in cases.rows if row.status != DONE or False in row.holds]
+        numbers = list(dict.fromkeys(numbers))[: keep.failed]
     for metric, _, own in cases.by_metric() if keep.worst else ():
         values = cases.metric(metric.name)
         finite = sorted((i for i in own if np.isfinite(values[i])), key=lambda i: -abs(values[i]))

@@ -90,7 +90,7 @@ class SignalKeys(Keys):
 
 
 class KeepKeys(Keys):
-    """What is kept besides metrics. `bands`: of all cases; whole recordings of the `worst` of each metric, of some `failed`."""
+    """What is kept besides metrics. `bands`: of all cases; whole recordings of so many `worst` of each metric, of so many `failed` in all."""
 
     bands: dict[Text, Annotated[SignalKeys, shorthand("signal")]] = Field(default_factory=dict)
     every: Period = 50_000_000

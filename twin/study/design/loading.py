@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -174,6 +175,10 @@ class StudyLoader(ValueReader):
             self.add_problem("both `sets` and `scales` are given. Make two factors of them.", "vary", name)
         if not keys.source:
             self.add_problem("`source` is missing: where its distribution comes from, or `assumed: why`.", "vary", name)
+        member, _, variable = sets[0].partition(".") if sets else ("", "", "")
+        own = self.catalog.get(member, {})
+        for guess in () if has_unit else get_close_matches(variable, own, 1):  # its values are checked, too
+            self._distribution(name, keys, own[guess].unit)
         distribution = self._distribution(name, keys, symbol) if has_unit else None
         where = str(self.root.find(("vary", name)).location)
         if distribution is None:

@@ -24,7 +24,7 @@ SEARCHES = {"worst": "worst-case search: ", "tune": "tuning: ", "unseen": "tunin
 
 @dataclass(frozen=True)
 class StudyProgress:
-    """How far a study is: cases done and in all, cases per second, seconds left, the report so far.
+    """How far a study is: cases done and in all, cases per second, seconds left, the report so far, the folder.
 
     `failed`: cases that did not finish, `missed`: others that miss a requirement. `rate` and `left` are NaN until enough cases are done.
     `phase`: what is done before the first or after the last case, such as `building heart (1 of 8)`; else empty.
@@ -39,6 +39,7 @@ class StudyProgress:
     report: Path | None = None
     missed: int = 0
     phase: str = ""
+    folder: Path | None = None
 
 
 class ProgressReporter:
@@ -48,6 +49,7 @@ class ProgressReporter:
         self.journal, self.count, self.listen = journal, count, listen
         self.part = SAMPLED
         self.report: Path | None = None
+        self.folder: Path | None = None  # of the study
         self.failed = self.missed = 0
         self.rate = self.left = float("nan")
         for row in journal.rows.values():
@@ -76,7 +78,7 @@ class ProgressReporter:
         """Report how far the study is."""
         numbers = (len(self.journal.rows), self.count, self.failed, self.rate, self.left)
         try:
-            self.listen(StudyProgress(self.part, *numbers, self.report, missed=self.missed, phase=phase))
+            self.listen(StudyProgress(self.part, *numbers, self.report, self.missed, phase, self.folder))
         except BrokenPipeError:
             raise
         except OSError:  # a terminal that is closed, or a full disk: the cases are what counts

@@ -59,6 +59,7 @@ class StudyOutcome:
     runs: dict[int, str] = field(default_factory=dict)  # number of a case -> its folder, as from the study's
     before: int = 0  # cases that were done when it went on
     engine: str = ""  # what ran the cases
+    report_seconds: float = 0.0  # of `seconds`, after the last case: tables, cases that are kept, report
     seconds_before: float = 0.0  # of the commands that it continues; `seconds`: of this one, at its end with the report
 
 
@@ -169,6 +170,7 @@ def run_study(
         )
         outcome.before, requests = len(journal.rows), list[StudyRequest]()
         reporter = ProgressReporter(journal, study.total, listen)
+        reporter.folder = folder
         reporter.update("preparing the members")
         outcome.seconds_before = manifest_data.get("seconds", 0.0)
         outcome.runs = {
@@ -195,7 +197,8 @@ def run_study(
         outcome.cases = case_table.finished_cases(study, requests or list(study.requests()), journal)
         outcome.seconds = time.perf_counter() - start_time
         finish(outcome, journal, {**manifest_data, **progress_entries(outcome)}, build, stop, report, reporter)
-        outcome.seconds = time.perf_counter() - start_time
+        outcome.report_seconds = time.perf_counter() - start_time - outcome.seconds
+        outcome.seconds += outcome.report_seconds
         seconds = outcome.seconds_before + outcome.seconds
         manifest.write(folder, **{**manifest.read(folder), "seconds": seconds})
         link_latest(folder)
