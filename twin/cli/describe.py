@@ -177,13 +177,17 @@ def show_fmu(path: Path, everything: bool, text: str) -> bool:
 def show_scenario(path: Path, everything: bool = False, text: str = "") -> bool:
     """Print the description of a scenario, its variants, members, metrics and expectations; with `text` what contains it."""
     from twin import clock
+    from twin.run import changes_of_base
     from twin.scenario import load_scenario
 
     with show_elapsed(f"reading {path}"):
         scenario = load_scenario(path)
     say(f"{scenario.name if has_listed_name(scenario.path) else scenario.path}: {scenario.title}")
     if not text:
-        say_lines(f"{scenario.description}\n{scenario.source and f'From: {scenario.source}.'}")
+        say_lines(changes_of_base(scenario))
+        is_inherited = scenario.source.startswith("From ")
+        source = f"{'' if is_inherited else 'From: '}{scenario.source}." * bool(scenario.source)
+        say_lines(f"{scenario.description}\n{source}")
     seeds = ", ".join(map(str, scenario.seeds))
     say(
         f"{clock.text(scenario.stop_ns)} at {clock.text(scenario.step_ns)}, {scenario.algorithm.described}, seeds {seeds}"

@@ -381,4 +381,4 @@ def show_verdict(outcome: RunResult, report: bool, duration: float = 0.0) -> Non
     if simulated and not run.wall_time:  # of a recovered run: its processes were killed before they could tell
         took = f"after {simulated:.3g} s of simulated time"
     text, file = f"{counts}{took}.", "report.html" if report else "summary.json"
-    show_outcome(word, text, outcome.folder / file, f"twin view {folder}", prefix=prefix, end=end)
+    show_outcome(word, text, outcome.folder / file, f"twin view {folder}" * bool(simulated), prefix=prefix, end=end)
