@@ -260,13 +260,15 @@ def test_differing_runs(compared):
     assert (len(lines), lines[-1]) == (compare.MAX_SIGNALS + 4, "and 2 more: use --all")
     lines = compared(differences(compare.MAX_SIGNALS + 2), "--all")[1]
     assert (len(lines), lines[-1][:3]) == (compare.MAX_SIGNALS + 5, f"s{compare.MAX_SIGNALS + 1:02}")
-    connected = [Difference(name, "PI", 1, 0.1, 0.5, 1.0, "N", 1.5) for name in ("out", "in", "also")]
-    assert compared(connected)[1][-1] == "out and 2 equal 0.1 N 1.5 s 1 s 0.5"
+    connected = [Difference(name, "PI", 1, 0.1, 0.5, 1.0, "N", 1.5) for name in ("a", "b", "c")]
+    assert compared(connected)[1][-1] == "a and 2 equal 0.1 N 1.5 s 1 s 0.5"
 
 
 def test_a_mean_around_zero_is_last_and_has_no_percent(compared, monkeypatch):
     """Its scale is the largest metric of the same signal."""
-    metrics = {name: {"signal": "force - setpoint"} for name in ("mean", "most")} | {"rate": {"signal": "rate"}}
+    metrics = {name: {"signal": "force - setpoint", "variants": {}} for name in ("mean", "most")} | {
+        "rate": {"signal": "rate", "variants": {}}
+    }
     monkeypatch.setitem(SUMMARY, "metrics", metrics)
     values = {"mean": (8e-5, 1.2e-3), "most": (7e-2, 7.1e-2), "rate": (1.0, 1.5)}
     lines = compared((), changes=[MetricChange(name, "PI", "1", *pair, 1e-6) for name, pair in values.items()])[1]
@@ -286,7 +288,7 @@ def test_a_setting_changed_in_a_file_is_named(tmp_path, capsys):
     compare.show_settings(folders, (summary, summary), (), False)
     compare.show_settings((folders[0], folders[0]), (summary, summary), ("A=B",), False)
     lines = [line.split() for line in capsys.readouterr().out.splitlines() if line.strip() and "─" not in line]
-    assert lines[1:3] == [["setting", "first", "second"], ["heart.rate", "60", "/min", "90", "/min"]]
+    assert lines[1:3] == [["setting", "first", "second"], ["heart.rate", "1", "Hz", "1.5", "Hz"]]
     assert lines[4] == ["setting", "A", "B"]
     assert [row[0] for row in lines[5:]] == ["heart.amplitude"]
 
