@@ -255,10 +255,10 @@ def evaluate(
     complete = {case: signals for case, signals in tables.items() if signals.complete}
     run = variants_of(complete)
     stopped = any(ending.time_ns is not None for ending in terminations.values())  # by drives: that fails
-    whole = complete if has_ended and not stopped else {}
+    unstopped = complete if has_ended and not stopped else {}
     comparable = run if paper_applies else unchanged
     results = [
-        with_verdict(compute_metric(metric, variant, complete), complete, variant in comparable, has_ended, whole)
+        with_verdict(compute_metric(metric, variant, complete), complete, variant in comparable, has_ended, unstopped)
         for metric in metrics.values()
         for variant in run
         if not metric.variants or variant in metric.variants
@@ -272,7 +272,7 @@ def evaluate(
             detail = f"{what} is expected {expected}. Not judged: this run changes the scenario's own parameters."
             expectation_results.append(ExpectationResult(name, "skipped", detail))
             continue
-        if late := describe_late(metrics.get(expectation.metric or "", expectation).window, whole):
+        if late := describe_late(metrics.get(expectation.metric or "", expectation).window, unstopped):
             result = ExpectationResult(describe_limits(expectation)[2], "skipped", late)
         elif expectation.ends:
             result = ExpectationResult(*check_termination(expectation, complete, terminations))
@@ -321,12 +321,12 @@ def with_verdict(
     tables: Mapping[tuple[str, int], Signals],
     paper_applies: bool,
     has_ended: bool,
-    whole: Mapping[tuple[str, int], Signals],
+    unstopped: Mapping[tuple[str, int], Signals],
 ) -> MetricResult:
-    """Add the verdict: whether the mean over seeds is within the tolerance of the paper's value. `whole`: runs that no drive stopped."""
+    """Add the verdict: whether the mean over seeds is within the tolerance of the paper's value. `unstopped`: runs that no drive stopped."""
     metric, verdict = result.metric, "info"
     if result.mean is None:
-        verdict = "cut" if describe_late(metric.window, whole) else "none"
+        verdict = "cut" if describe_late(metric.window, unstopped) else "none"
     elif has_ended and describe_cut(metric.window, metric.signal, (result.variant,), tables):
         verdict = "cut"
     elif result.paper is not None and not paper_applies:
