@@ -89,7 +89,8 @@ def describe(name: str) -> list[str]:
     ]
     if files:
         text = files[0].read_text(encoding="utf-8")
-        lines += [f"A hardware file with it, {files[0].stem}:", *text[text.index("nodes:") :].splitlines()]
+        lines += [f"A hardware file with it, {files[0].name}:"]
+        lines += [f"  {line}" for line in text[text.index("nodes:") :].splitlines()]
     return lines
 
 

@@ -9,7 +9,9 @@ from tests.cli.test_shown import rows
 from tests.every_case import every_case
 from twin.cli import describe, view
 from twin.component import Component, input, local, output, parameter
-from twin.errors import SceneError
+from twin.errors import ScenarioError, SceneError
+from twin.run import changes_of_base
+from twin.scenario import lint, load_scenario
 from twin.scene import Environment, Wall
 
 
@@ -50,7 +52,7 @@ def variable(**attributes):
 @every_case(
     ("attributes", "name", "start", "bounds"),
     [
-        ({}, "x", "[m]", ""),
+        ({}, "x [m]", "", ""),
         ({"display_unit": "mm", "start": 0.002, "minimum": 0.0}, "x", "2 mm", "at least 0 mm"),
         ({"start": np.zeros((2, 3)), "shape": (2, 3), "maximum": 1.5}, "x[2,3]", "0 m", "at most 1.5 m"),
         (
@@ -62,7 +64,7 @@ def variable(**attributes):
         ({"start": np.arange(0.125, 9.0), "shape": (9,)}, "x[9]", "0.125 m, ... (--all)", ""),
         ({"unit": "mm", "start": 5.0, "minimum": 0.0, "maximum": 10.0}, "x", "5 mm", "0 mm to 10 mm"),
         ({"unit": "rpm", "start": 60.0}, "x", "60 rpm", ""),
-        ({"unit": "degC", "display_unit": "K", "start": 20.0}, "x", "293.1 K", ""),
+        ({"unit": "degC", "display_unit": "K", "start": 20.0}, "x", "293.15 K", ""),
         (
             {"unit": "U/min {0.10472 s^-1*rad + 0.0}", "start": 60.0, "maximum": 90.0},
             "x",
@@ -139,3 +141,48 @@ def test_a_component_in_words(capsys):
     assert rows(capsys.readouterr().out) == shown[:2] + shown[-3:]
     assert describe.kind(Valve) == "component of the communication step"
     assert describe.kind(type("Slow", (Valve,), {"__doc__": "x", "period": 5e-3})) == "sampled component, 5 ms"
+
+
+OWN = """extends: heart_wall_force
+members: {heart: {parameters: {rate: 90 /min}}}
+variants: {soft: {members: {wall: {parameters: {wall_modulus: 50 kPa}}}}}
+"""
+
+
+def test_a_scenario_of_ones_own_begins_with_its_changes(tmp_path):
+    """Of the scenario that it extends; the value before only if that file sets one."""
+    file = tmp_path / "mine.yaml"
+    file.write_text(OWN)
+    changes = changes_of_base(load_scenario(file))
+    assert changes == "changed from heart_wall_force: heart.rate 90 /min; soft: wall.wall_modulus 50 kPa"
+    second = tmp_path / "second.yaml"
+    second.write_text("extends: mine\nmembers: {heart: {parameters: {rate: 1 Hz}}}\n")
+    assert changes_of_base(load_scenario(second)) == "changed from mine: heart.rate 1.5 -> 1 Hz"
+
+
+def test_a_short_stop_time_of_an_option_runs_and_one_of_a_file_does_not(tmp_path):
+    """An impossible one is the only error; an option for a variant that is not run says so."""
+    assert load_scenario("heart_wall_force", ["stop_time=5 s"]).stop_ns == 5 * 10**9
+    file = tmp_path / "short.yaml"
+    file.write_text("extends: heart_wall_force\nstop_time: 5 s\n")
+    with pytest.raises(ScenarioError, match="outside the run"):
+        load_scenario(file)
+    with pytest.raises(ScenarioError) as refused:
+        load_scenario("heart_wall_force", ["stop_time=-1 s"])
+    assert refused.value.problems == ["--set stop_time=-1 s: stop_time -1 s is not after start_time 0 s."]
+    option = "variants.PI.controller.proportional=10 mm/(s*N)"
+    notes = load_scenario("heart_wall_force", [option]).replaced_values({"PI+FF"})
+    assert notes == [f"--set {option}: PI is not run: no effect."]
+
+
+def test_words_that_are_meant(tmp_path):
+    """Keys of other tools have a counterpart here; a missing FMU is one problem."""
+    file = tmp_path / "bad.yaml"
+    file.write_text(
+        "extends: heart_wall_force\nvariants: {soft: {description: x}}\nexpect:\n  - {metric: force_error_std, min: 2 N}\n"
+    )
+    problems = lint(file)[1]
+    assert any("`description`. Did you mean `title`?" in problem for problem in problems)
+    assert any("`min`. Did you mean `at_least`?" in problem for problem in problems)
+    file.write_text("extends: heart_wall_force\nmembers: {other: {component: none.fmu}}\n")
+    assert len(lint(file)[1]) == 1

@@ -154,7 +154,7 @@ def test_whatever_is_listed_can_be_described(run):
     assert any(
         line.startswith("Modes of operation: profile position, profile velocity, homing, cyclic") for line in lines
     )
-    assert "    profile: epos4" in lines
+    assert "      profile: epos4" in lines
     code, lines = run("describe", "thousand_patients")
     assert (code, lines[0].partition(": ")[2]) == (0, "A thousand patients")
     assert any(

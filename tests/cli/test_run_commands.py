@@ -238,27 +238,59 @@ def test_differing_runs(compared):
         1,
         [
             "The runs differ: 2 of 2 signals (0 equal to the bit, 0 within 1e-09).",
-            "signal difference from relative",
-            "s00 0.002 N 1.25 s 0.5",
-            "s01 0.002 N 2.5 s 0.5",
+            compare.SIGNALS,
+            "signal difference at from relative",
+            "s00 0.002 N 0 s 1.25 s 0.5",
+            "s01 0.002 N 0 s 2.5 s 0.5",
         ],
     )
-    assert compared(differences(2, seeds=(1, 2)))[1][1:] == [
-        "signal difference from relative cases",
-        "s00 0.002 N 1.25 s 0.5 2",
-        "s01 0.002 N 2.5 s 0.5 2",
+    assert compared(differences(2, seeds=(1, 2)))[1][2:] == [
+        "signal difference at from relative cases",
+        "s00 0.002 N 0 s 1.25 s 0.5 2",
+        "s01 0.002 N 0 s 2.5 s 0.5 2",
     ]
-    assert compared(differences(1, seeds=(1, 2)), "--all")[1][1:] == [
-        "signal difference from relative case",
-        "s00 0.002 N 1.25 s 0.5 PI, seed 1",
-        "s00 0.002 N 1.25 s 0.5 PI, seed 2",
+    assert compared(differences(1, seeds=(1, 2)), "--all")[1][2:] == [
+        "signal difference at from relative case",
+        "s00 0.002 N 0 s 1.25 s 0.5 PI, seed 1",
+        "s00 0.002 N 0 s 1.25 s 0.5 PI, seed 2",
     ]
     lines = compared(differences(compare.MAX_SIGNALS))[1]
-    assert (len(lines), lines[-1][:3]) == (compare.MAX_SIGNALS + 2, f"s{compare.MAX_SIGNALS - 1:02}")
+    assert (len(lines), lines[-1][:3]) == (compare.MAX_SIGNALS + 3, f"s{compare.MAX_SIGNALS - 1:02}")
     lines = compared(differences(compare.MAX_SIGNALS + 2))[1]
-    assert (len(lines), lines[-1]) == (compare.MAX_SIGNALS + 3, "and 2 more: use --all")
+    assert (len(lines), lines[-1]) == (compare.MAX_SIGNALS + 4, "and 2 more: use --all")
     lines = compared(differences(compare.MAX_SIGNALS + 2), "--all")[1]
-    assert (len(lines), lines[-1][:3]) == (compare.MAX_SIGNALS + 4, f"s{compare.MAX_SIGNALS + 1:02}")
+    assert (len(lines), lines[-1][:3]) == (compare.MAX_SIGNALS + 5, f"s{compare.MAX_SIGNALS + 1:02}")
+    connected = [Difference(name, "PI", 1, 0.1, 0.5, 1.0, "N", 1.5) for name in ("a", "b", "c")]
+    assert compared(connected)[1][-1] == "a and 2 equal 0.1 N 1.5 s 1 s 0.5"
+
+
+def test_a_mean_around_zero_is_last_and_has_no_percent(compared, monkeypatch):
+    """Its scale is the largest metric of the same signal."""
+    metrics = {name: {"signal": "force - setpoint", "variants": {}} for name in ("mean", "most")} | {
+        "rate": {"signal": "rate", "variants": {}}
+    }
+    monkeypatch.setitem(SUMMARY, "metrics", metrics)
+    values = {"mean": (8e-5, 1.2e-3), "most": (7e-2, 7.1e-2), "rate": (1.0, 1.5)}
+    lines = compared((), changes=[MetricChange(name, "PI", "1", *pair, 1e-6) for name, pair in values.items()])[1]
+    assert [(line.split()[0], line.split()[-1]) for line in lines[2:5]] == [("rate", "%"), ("most", "%"), ("mean", "-")]
+
+
+def test_a_setting_changed_in_a_file_is_named(tmp_path, capsys):
+    """Also between two variants of one run, with their names."""
+    base = "stop_time: 1 s\nmembers: {heart: {component: heart}}\nvariants: {A: {}, B: {members: {heart: {parameters: {amplitude: 2 mm}}}}}\n"
+    folders = tmp_path / "a", tmp_path / "b"
+    for folder, rate in zip(folders, ("1 Hz", "90 /min"), strict=True):
+        folder.mkdir()
+        (folder / "scenario.yaml").write_text(
+            base.replace("component: heart}", f"component: heart, parameters: {{rate: {rate}}}}}")
+        )
+    summary = {"cases": [{"variant": name} for name in "AB"]}
+    compare.show_settings(folders, (summary, summary), (), False)
+    compare.show_settings((folders[0], folders[0]), (summary, summary), ("A=B",), False)
+    lines = [line.split() for line in capsys.readouterr().out.splitlines() if line.strip() and "─" not in line]
+    assert lines[1:3] == [["setting", "first", "second"], ["heart.rate", "1", "Hz", "1.5", "Hz"]]
+    assert lines[4] == ["setting", "A", "B"]
+    assert [row[0] for row in lines[5:]] == ["heart.amplitude"]
 
 
 def test_the_answer_of_a_comparison_is_on_top(compared):

@@ -431,7 +431,7 @@ def test_the_score_follows_the_signal(setting):
     rows.values["a.tip"] = np.array([[0.0], [1.0], [2.0]])
     one.live.values["read"] = lambda _: rows
     one.page.tick()
-    past = "too far for 1.0 s, at most 2000 mm, limit 1500 mm"  # red is the row of a warning that lasts
+    past = "too far for 1.0 s, largest 2000 mm, limit 1500 mm"  # red is the row of a warning that lasts
     assert one.page.shown() == [line, short, past]
     assert all("twin-bad" not in label.classes for label in one.page.elements(ui.label))
     marked.pop()

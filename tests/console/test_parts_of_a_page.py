@@ -493,7 +493,7 @@ def test_the_result_of_a_session_counts_safety(setting, force, bent, goal, verdi
     shown = one.page.shown()
     card = shown[shown.index("another scenario") + 1 :]
     count = sum(abs(value) > 2.0 for value in force)
-    loud = f"for {0.5 * count:.1f} s; at most {max(map(abs, force)):.4g} N, limit 2 N"
+    loud = f"for {0.5 * count:.1f} s; largest {max(map(abs, force)):.4g} N, limit 2 N"
     state = "All 1 targets reached in 1.0 s, path length 10 mm" if goal == 0.01 else "0 of 1 targets; 1.0 s, "
     targets = ["All 1 targets reached", "near at 1.0 s"] if goal == 0.01 else ["1 of 1 targets not reached: near", ""]
     warned = ["Warning: high force", loud] * bool(count) + ["Warning: it buckles", "for 0.5 s"] * bool(bent)
@@ -528,13 +528,13 @@ def test_warnings_count_until_the_last_target(setting):
     one.live.values["read"] = lambda names: SimpleNamespace(
         time=0.5 * np.arange(5), values={name: values[name] for name in names}
     )
-    detail = "for 0.5 s; at most 2.5 N, limit 2 N"
+    detail = "for 0.5 s; largest 2.5 N, limit 2 N"
     end = targets.session_score(one.live).end
     assert end == 1.0
     assert [row.detail for row in warning_rows(one.live, end)] == [detail]
     one.state.phase = "stopped"
     (row,) = summary.session_result(one.live, None).warnings
-    assert row.detail == f"{detail}; afterwards for 1.0 s, at most 4.9 N"
+    assert row.detail == f"{detail}; afterwards for 1.0 s, largest 4.9 N"
 
 
 def test_the_last_target_is_announced_and_a_session_that_ended_early_has_not_passed(setting, tmp_path):

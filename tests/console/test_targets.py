@@ -100,7 +100,7 @@ def test_an_operator_has_to_reach_all_targets_without_a_warning():
     (warning,) = operation["warnings"]
     assert (warning["limit"], warning["maximum"], warning["duration"], warning["unit"]) == (0.5, 0.7, 0.5, "N")
     score_line = "1 of 2 targets; 1.0 s, path length 2 mm"
-    shown = "for 0.5 s; at most 0.7 N, limit 0.5 N"
+    shown = "for 0.5 s; largest 0.7 N, limit 0.5 N"
     assert [tuple(vars(each).values())[:3] for each in operator_requirements(operation)] == [
         ("All 2 targets reached", "fail", f"{score_line}; near at 0.5 s"),
         ("No warning: high force", "fail", shown),

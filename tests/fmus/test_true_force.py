@@ -109,7 +109,5 @@ def test_a_controller_that_does_nothing_or_the_opposite_is_noticed(tmp_path, bui
     options = RunOptions(build=build, root=tmp_path / "runs", variants=["PI"], seeds=[1], report=False)
     run = run_scenario(load_scenario(tmp_path / "own.yaml"), options)
     assert [entry["name"] for entry in run.summary["expectations"] if entry["verdict"] == "fail"] == [missed]
-    warning = (
-        "PI, seed 1: warning: the motor's thermal load (I2t) is near its limit of 1 for 1.1 s; at most 1, limit 0.9"
-    )
+    warning = "PI, seed 1: warning: the motor's thermal load (I2t) is above 0.9 of its limit for 1.1 s; largest 1"
     assert [note for note in run.summary.get("notes", []) if "thermal" in note] == [warning] * ("mass" in change)

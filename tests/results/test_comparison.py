@@ -71,7 +71,7 @@ def test_a_difference_is_found_where_it_is(tmp_path: Path) -> None:
     code, text = called(a, b)
     assert code == 1
     row = next(line for line in text.splitlines() if line.strip().startswith("a.force"))
-    assert row.split() == ["a.force", "0.02", "mN", "0.4", "s", "0.01", "1"]
+    assert row.split() == ["a.force", "0.02", "mN", "0.4", "s", "0.4", "s", "0.01", "1"]
     assert text.splitlines()[0] == "The runs differ: 1 of 6 signals (5 equal to the bit, 0 within 1e-09)."
     assert called(a, b, "--variant", "PI") == (0, "The runs agree: 3 signals, 3 equal to the bit, 0 within 1e-09.\n")
     assert called(a, b, "--variant", "PI+FF")[0] == 1

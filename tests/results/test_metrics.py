@@ -15,7 +15,17 @@ from hypothesis import strategies as st
 
 from tests.every_case import every_case
 from twin.errors import ScenarioError
-from twin.results import Expectation, Metric, MetricFormat, Plot, Signals, Window, evaluate, format_value
+from twin.results import (
+    Expectation,
+    HardwareTermination,
+    Metric,
+    MetricFormat,
+    Plot,
+    Signals,
+    Window,
+    evaluate,
+    format_value,
+)
 from twin.results.evaluation import expression
 from twin.results.evaluation.limit_failures import time_text
 from twin.results.evaluation.reduction import REDUCTIONS
@@ -283,7 +293,6 @@ def test_expectations(expectation: Expectation, verdict: str, detail: str) -> No
             Window(4_001_000_000, 4_009_000_000),
             "a.force has no sample from 4.001 s to 4.009 s in A, seed 0;",
         ),
-        ("a.force", Window(11 * 10**9), "a.force has no sample from 11 s in A, seed 0;"),
     ],
 )
 def test_what_judges_no_sample_fails(text: str, window: Window, detail: str) -> None:
@@ -316,6 +325,22 @@ def test_a_run_that_ends_before_the_window_does_not_pass(stop: int, limit: float
     assert [result.verdict for result in found] == [verdict, verdict]
     cut = "Not judged: the run of A, seed 1, ends at 10 s, before its window ends at 11 s."
     assert [result.detail == cut for result in found] == [verdict == "skipped"] * 2
+
+
+def test_a_window_after_the_end_of_all_runs_is_not_judged() -> None:
+    """As with `--set stop_time`; but a run that drives stopped fails."""
+    window = Window(11 * 10**9)
+    expected = [Expectation("", signal=expression.parse("a.force"), at_most=1.0, window=window, unit="N")]
+    expected += [Expectation("", metric="m", at_most=1.0)]
+    case = {("A", 1): signals()}
+    found = evaluate({"m": metric(window=window)}, expected, case)
+    assert {result.detail for result in found.expectation_results} == {
+        "Not judged: the run ends at 10 s, before the window begins at 11 s."
+    }
+    assert [result.verdict for result in found.metric_results] == ["cut"]
+    stop = {("A", 1): HardwareTermination(10**10, "fault")}
+    failed = evaluate({"m": metric(window=window)}, expected, case, terminations=stop)
+    assert [result.verdict for result in failed.expectation_results] == ["fail", "fail"]
 
 
 def test_one_case_without_a_sample_fails() -> None:

@@ -312,7 +312,7 @@ def test_analyses_of_a_complete_case():
 
     scenario = SimpleNamespace(analyses=[analysis("a", ()), analysis("b", ("other",)), analysis("c", ("base",))])
     done = cases.apply_analyses(scenario, "base", Recorded(True), lambda *words: told.append(words))
-    assert (done.names, told) == (("a", "c"), [("base: a", 1.0), ("base: c", 1.0)])
+    assert (done.names, told) == (("a", "c"), [("base: analysis a", 1.0), ("base: analysis c", 1.0)])
     assert cases.apply_analyses(scenario, "base", Recorded(False)).names == ()
 
 

@@ -107,7 +107,7 @@ def test_rows_of_one_variant_each_are_not_set_apart() -> None:
 
 def test_a_metric_without_a_value_says_so_without_a_paper() -> None:
     late = Metric("m", FORCE, "mean", Window(6 * 10**9))
-    assert text(evaluate({"m": late}, [], tables())).count("no value") == 2
+    assert text(evaluate({"m": late}, [], tables())).count("run too short") == 2
 
 
 @pytest.mark.parametrize("columns", [None, "40"])

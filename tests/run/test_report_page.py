@@ -3,6 +3,7 @@
 Over 400 lines: a page in a browser serves many tests.
 """
 
+import dataclasses
 import json
 import re
 from itertools import pairwise
@@ -207,8 +208,9 @@ def test_a_changed_run_names_the_command_that_compares_it_with_the_default_run(t
 def test_a_changed_run_says_what_fails_and_what_it_was_in_the_default_run(tmp_path) -> None:
     """With the warning of a range below the change, and both values of a failed metric."""
     metrics = {"std": Metric("std", FORCE, "std", unit="mN")}
+    limit = dataclasses.replace(LIMIT, at_most=0.24)
     order = Expectation("order", metric="std", ordered=("PI+FF", "PI"))
-    evaluation = evaluate(metrics, [order, LIMIT], tables())
+    evaluation = evaluate(metrics, [order, limit], tables())
     default = {"metrics": {"std": {"variants": {"PI": {"mean": 20.0}, "PI+FF": {"mean": 30.0}}}}}
     default["expectations"] = [{"name": LIMIT.name, "detail": "a.force was 0.11 N to 0.2 N; expected from 0.1 N."}]
     (tmp_path / "summary.json").write_text(json.dumps(default))
@@ -216,7 +218,7 @@ def test_a_changed_run_says_what_fails_and_what_it_was_in_the_default_run(tmp_pa
     info = results.RunInfo("x", overrides=("a.k=4",), extra={"notes": [warning, "another"]})
     summary = results.build_summary(info, evaluation, tables()) | {"sentence": ""}
     text = report_page.report_html(
-        summary, evaluation, tables(), expectations=[order, LIMIT], default_folder=str(tmp_path), previous_values=["2"]
+        summary, evaluation, tables(), expectations=[order, limit], default_folder=str(tmp_path), previous_values=["2"]
     )
     head, rest = text[text.index("<header>") : text.index("</header>")], text[text.index("</header>") :]
     assert "With a.k 4 instead of 2, 2 of 2 requirements fail." in head

@@ -10,18 +10,21 @@ import click
 
 from twin.cli.options import signal_option
 from twin.cli.terminal import say, show_table, show_text
-from twin.errors import quote_names
+from twin.errors import TwinError, quote_names
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from typing import Any
 
-    from twin.results import Comparison, MetricChange
+    from twin.results import Comparison, Difference, MetricChange
 
 MAX_LISTED = 20  # metrics, and other differences, without --all
+MAX_SETTINGS = 8  # without --all
 MAX_SIGNALS = 8  # without --all
 MAX_NAMES = 6  # names in a line without --all
 WORDS = {"other": "other settings", "cut": "run too short"}  # verdicts as in the tables of `twin run`
+NEAR_ZERO = 0.05  # of the largest metric of the same signal
+SIGNALS = "Signals: largest difference and its time (at), first time (from), relative to the largest magnitude:"
 MAX_CASES = 2  # of the cases of one run only, the same
 
 
@@ -97,9 +100,12 @@ def command(
     cases = [entry for entry in comparison.missing if entry.kind == "case"]
     for entry in cases:
         show_text(entry.text(len(entry.names) if everything else MAX_CASES))
+    show_settings(folders, summaries, variants, everything)
     show_verdicts(comparison, everything, has_all_cases=not cases)
     if not patterns:
-        show_metrics(comparison, everything)
+        show_metrics(
+            comparison, everything, {name: each.get("signal", name) for name, each in summaries[0]["metrics"].items()}
+        )
     show_text(comparison.headline)
     for note in comparison.notes:
         show_text(note, "note: ")
@@ -144,6 +150,45 @@ def common_names(comparison: Comparison) -> tuple[str, bool]:
     return f"{len(signals)} signals and {len(metrics)} metrics", len(signals) + len(metrics) > len(single)
 
 
+def show_settings(
+    folders: tuple[Path, Path],
+    summaries: tuple[Mapping[str, Any], Mapping[str, Any]],
+    chosen: Sequence[str],
+    everything: bool,
+) -> None:
+    """Print the settings that differ between the variants that are compared, from the scenarios that the runs merged."""
+    from twin.results import variant_pairs
+    from twin.run import case_settings
+    from twin.scenario import load_scenario
+
+    names = [case["variant"] for case in summaries[0]["cases"]]
+    own = [name for name in dict.fromkeys(names) if any(case["variant"] == name for case in summaries[1]["cases"])]
+    rows: dict[tuple[str, ...], list[str]] = {}
+    try:
+        pairs = variant_pairs(summaries, chosen) if chosen else {name: (name, name) for name in own}
+        scenarios = [load_scenario(folder / "scenario.yaml") for folder in folders]
+        for name, pair in pairs.items():
+            first, second = map(case_settings, scenarios, pair)
+            for key in dict.fromkeys([*first, *second]):
+                if (values := (first.get(key, "-"), second.get(key, "-")))[0] != values[1]:
+                    rows.setdefault((key, *values), []).append(name)
+    except (OSError, TwinError):  # such as of an FMU that has moved
+        return
+    listed = [[*row, "" if len(names) == len(pairs) else ", ".join(quote_names(names))] for row, names in rows.items()][
+        : None if everything else MAX_SETTINGS
+    ]
+    if listed:
+        say("Settings that differ:")
+        width = 3 + any(row[3] for row in listed)
+        sides = (
+            chosen[0].split("=", 1)
+            if len(chosen) == 1 and chosen[0] in pairs and "=" in chosen[0]
+            else ["first", "second"]
+        )
+        show_table(["setting", *sides, "variants"][:width], (row[:width] for row in listed), 1, texts=width - 3)
+        show_rest(len(rows), MAX_SETTINGS, everything)
+
+
 def show_verdicts(comparison: Comparison, everything: bool, *, has_all_cases: bool) -> None:
     """Print the verdicts that changed: a line for each that is, or was, a failure; the others in one line with their number.
 
@@ -166,8 +211,8 @@ def show_verdicts(comparison: Comparison, everything: bool, *, has_all_cases: bo
         show_text(f"{unjudged} requirement{'s are' if unjudged > 1 else ' is'} judged in one run only.")
 
 
-def show_metrics(comparison: Comparison, everything: bool) -> None:
-    """Print the metrics that differ beyond the tolerance, in the units of the report."""
+def show_metrics(comparison: Comparison, everything: bool, signals: Mapping[str, str]) -> None:
+    """Print the metrics that differ beyond the tolerance, in the units of the report. `signals`: of the metrics."""
     from twin.results import common_format, display_units, larger_unit, si_conversion
 
     units = display_units({change.metric: change.unit for change in comparison.changes})
@@ -178,6 +223,17 @@ def show_metrics(comparison: Comparison, everything: bool) -> None:
         values = [value * factor + offset for each in own for value in (each.first, each.second) if value is not None]
         formats[name] = (common_format(values, larger_unit(values, unit)), factor, offset)
     changes = [each for each in comparison.changes if not is_small(each, comparison.tolerance)]
+    sizes: dict[
+        tuple[str, str | None], float
+    ] = {}  # largest metric of a signal: a mean around zero has no relative change
+    for each in comparison.changes:
+        key = each.variant, signals.get(each.metric, each.metric)
+        sizes[key] = max(sizes.get(key, 0.0), abs(each.first or 0.0))
+
+    def has_ratio(change: MetricChange) -> bool:
+        size = max(change.spread, NEAR_ZERO * sizes[change.variant, signals.get(change.metric, change.metric)])
+        return change.relative is not None and abs(change.first or 0.0) > size
+
     changes.sort(key=lambda each: -abs(each.relative or 0.0) if has_ratio(each) else 1.0)
     rows = []
     for change in changes if everything else [each for each in changes if each.significance > 1][:MAX_LISTED]:
@@ -194,11 +250,6 @@ def show_metrics(comparison: Comparison, everything: bool) -> None:
     if len(changes) > len(rows):
         smaller = "smaller" if rows else "within the spread of the seeds"
         say(f"and {len(changes) - len(rows)} more, {smaller}: use --all")
-
-
-def has_ratio(change: MetricChange) -> bool:
-    """Whether a relative change says something: the first value is more than the spread of the seeds."""
-    return change.relative is not None and abs(change.first or 0.0) > change.spread
 
 
 def percent(part: float | None) -> str:
@@ -222,16 +273,20 @@ def show_rest(count: int, limit: int, everything: bool) -> None:
 
 
 def show_signals(comparison: Comparison, everything: bool) -> None:
-    """Print the largest difference of each signal, or with `everything` of each case."""
-    differing = comparison.differing
-    if differing:
-        by_signal = {signal.name: [each for each in differing if each.name == signal.name] for signal in differing}
-        listed = differing if everything else [cases[0] for cases in by_signal.values()]
-        several = len({(each.variant, each.seed) for each in comparison.differences}) > 1
-        rows = []
-        for each in listed if everything else listed[:MAX_SIGNALS]:
-            cases = f"{each.variant}, seed {each.seed}" if everything else str(len(by_signal[each.name]))
-            rows.append([each.name, each.text, f"{each.time:.6g} s", f"{each.part:.2g}", *[cases] * several])
-        titles = ["case" if everything else "cases"] * several
-        show_table(["signal", "difference", "from", "relative", *titles], rows, 1)
-        show_rest(len(listed), MAX_SIGNALS, everything)
+    """Print the largest difference of each signal, or with `everything` of each case; equal differences, as of connected signals, once."""
+    by_signal: dict[str, list[Difference]] = {}
+    for each in comparison.differing:
+        by_signal.setdefault(each.name, []).append(each)
+    groups: dict[tuple[Any, ...], list[str]] = {}
+    for each in comparison.differing if everything else [cases[0] for cases in by_signal.values()]:
+        cases = f"{each.variant}, seed {each.seed}" if everything else str(len(by_signal[each.name]))
+        times = (f"{time:.6g} s" for time in (each.peak_time, each.time))
+        groups.setdefault((each.text, *times, f"{each.part:.2g}", cases), []).append(each.name)
+    rows = [[names[0] + f" and {len(names) - 1} equal" * (len(names) > 1), *texts] for texts, names in groups.items()]
+    if not rows:
+        return
+    show_text(SIGNALS)
+    several = len({(each.variant, each.seed) for each in comparison.differences}) > 1
+    titles = ["signal", "difference", "at", "from", "relative", *["case" if everything else "cases"] * several]
+    show_table(titles, (row[: len(titles)] for row in rows[: None if everything else MAX_SIGNALS]), 1)
+    show_rest(len(rows), MAX_SIGNALS, everything)

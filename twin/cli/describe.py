@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from twin.scenario import ScenarioSpec
 
 HIDDEN = ("state", "derivative", "local", "independent")  # roles and causalities that cannot be set or connected
+SHORT_NUMBER = 9  # digits and point of a converted value that is printed in full
 SHORT = 30  # characters of a vector
 TITLES = ("start", "bounds", "description")
 NOT_PLAIN = ("scenarios", "studies", "components", "runs")  # kinds that are described by more than a line
@@ -177,13 +178,17 @@ def show_fmu(path: Path, everything: bool, text: str) -> bool:
 def show_scenario(path: Path, everything: bool = False, text: str = "") -> bool:
     """Print the description of a scenario, its variants, members, metrics and expectations; with `text` what contains it."""
     from twin import clock
+    from twin.run import changes_of_base
     from twin.scenario import load_scenario
 
     with show_elapsed(f"reading {path}"):
         scenario = load_scenario(path)
     say(f"{scenario.name if has_listed_name(scenario.path) else scenario.path}: {scenario.title}")
     if not text:
-        say_lines(f"{scenario.description}\n{scenario.source and f'From: {scenario.source}.'}")
+        say_lines(changes_of_base(scenario))
+        is_inherited = scenario.source.startswith("From ")
+        source = f"{'' if is_inherited else 'From: '}{scenario.source}." * bool(scenario.source)
+        say_lines(f"{scenario.description}\n{source}")
     seeds = ", ".join(map(str, scenario.seeds))
     say(
         f"{clock.text(scenario.stop_ns)} at {clock.text(scenario.step_ns)}, {scenario.algorithm.described}, seeds {seeds}"
@@ -357,8 +362,9 @@ def relative_name(component: str, folder: Path) -> str:
 
 
 def name_with_shape(variable: Variable | MemberVariable) -> str:
-    """Return the name of a variable with its shape."""
-    return f"{variable.name}[{','.join(map(str, variable.shape))}]" if variable.shape else variable.name
+    """Return the name of a variable with its shape, and with its unit if no start value shows it."""
+    name = f"{variable.name}[{','.join(map(str, variable.shape))}]" if variable.shape else variable.name
+    return f"{name} [{unit(variable)}]" if variable.start is None and unit(variable) not in ("", "1") else name
 
 
 def start(variable: Variable | MemberVariable, everything: bool = False) -> str:
@@ -367,7 +373,7 @@ def start(variable: Variable | MemberVariable, everything: bool = False) -> str:
 
     values = [] if variable.start is None else list(np.ravel(variable.start))
     if not values:
-        return f"[{unit(variable)}]" if unit(variable) not in ("", "1") else ""
+        return ""
     texts = [value_text(value, variable) for value in values]
     if len(set(texts)) == 1:
         return texts[0]
@@ -399,7 +405,10 @@ def value_text(value: Any, variable: Variable | MemberVariable) -> str:
     if isinstance(value, str | bytes):
         return str(value)
     factor, offset = signals.si_conversion(variable.unit)  # other than 1 and 0 in an FMU of another tool
-    return signals.format_value(float(value) * factor + offset, unit(variable))
+    value, shown = float(value) * factor + offset, unit(variable)
+    exact = signals.format_value(value, shown, digits=15)  # conversion adds no digits: 573 deg/s for 10 rad/s
+    is_short = shown == variable.unit or len(exact.partition(" ")[0].strip("-0.")) <= SHORT_NUMBER
+    return exact if is_short else signals.format_value(value, shown)
 
 
 def unit(variable: Variable | MemberVariable) -> str:

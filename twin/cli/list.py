@@ -212,9 +212,10 @@ def outcome(folder: Path) -> str:
     try:
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         word, counts = describe_outcome(summary)
-        return "; ".join(
-            [f"{word} {counts.replace(' requirements', '')}".rstrip(), *settings(summary, folder / "scenario.yaml")]
-        )
+        text = f"{word} {counts.replace(' requirements', '')}".rstrip()
+        if summary["status"] != "completed" and not summary["cases"]:
+            text = f"{word}: nothing was simulated"
+        return "; ".join([text, *settings(summary, folder / "scenario.yaml")])
     except (OSError, ValueError, KeyError, TypeError):
         return "its summary.json cannot be read"
 
@@ -225,7 +226,8 @@ def show_run(folder: Path) -> bool:
     about = summary["scenario"]
     name = folder.resolve().name if folder.parent.parent == Path("runs") else folder
     show_text(f"{folder}: run of {about['name']}, {str(summary['started'])[:16].replace('T', ' ')}")
-    for line in (about["title"], outcome(folder), summary.get("sentence", "")):
+    changes = changes_of_run(Path(about.get("path", "")), folder)
+    for line in (about["title"], changes, outcome(folder), summary.get("sentence", "")):
         if line:
             show_text(line)
     for entry in summary["expectations"]:
@@ -235,6 +237,18 @@ def show_run(folder: Path) -> bool:
     show_text(f"Look: twin view {name}")
     show_text(f"Compare with another run: twin compare {name} RUN")
     return True
+
+
+def changes_of_run(scenario: Path, folder: Path) -> str:
+    """Return what the scenario of a run changes in the one that it extends; empty if the file is newer than the run."""
+    from twin.run import changes_of_base
+    from twin.scenario import load_scenario
+
+    try:
+        is_same = scenario.is_file() and scenario.stat().st_mtime < (folder / "scenario.yaml").stat().st_mtime
+        return changes_of_base(load_scenario(scenario)) if is_same else ""
+    except (OSError, TwinError):
+        return ""
 
 
 def show_metrics(metrics: dict[str, Any]) -> None:

@@ -26,7 +26,7 @@ from twin.cli.options import (
 )
 from twin.cli.progress import ProgressBar
 from twin.cli.terminal import LABELS, open_console, say, show_elapsed, show_error, show_outcome, show_text
-from twin.errors import TwinError
+from twin.errors import ScenarioError, TwinError
 from twin.process import supervise
 
 if TYPE_CHECKING:
@@ -254,8 +254,16 @@ def read(file: Path, overrides: tuple[str, ...], build: Path) -> ScenarioSpec:
     from twin.scenario import load_scenario, ssp_reader
 
     ssp_reader.BUILD.set(build)
-    with show_elapsed(f"checking {file}"):
-        return load_scenario(file, overrides)
+    try:
+        with show_elapsed(f"checking {file}"):
+            return load_scenario(file, overrides)
+    except ScenarioError as error:
+        from twin.cli.check import check_file
+
+        problems, _ = check_file(str(file), overrides)  # also what stays unchecked in an invalid file
+        if (more := len(problems) - len(error.problems)) > 0:
+            raise ScenarioError([*error.problems, f"and {more} more: twin check {file}"]) from None
+        raise
 
 
 def report_outcome(
@@ -381,4 +389,4 @@ def show_verdict(outcome: RunResult, report: bool, duration: float = 0.0) -> Non
     if simulated and not run.wall_time:  # of a recovered run: its processes were killed before they could tell
         took = f"after {simulated:.3g} s of simulated time"
     text, file = f"{counts}{took}.", "report.html" if report else "summary.json"
-    show_outcome(word, text, outcome.folder / file, f"twin view {folder}", prefix=prefix, end=end)
+    show_outcome(word, text, outcome.folder / file, f"twin view {folder}" * bool(simulated), prefix=prefix, end=end)

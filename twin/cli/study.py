@@ -386,7 +386,7 @@ def show_study(path: Path, text: str) -> bool:
     from twin.scenario import read
 
     keys = read(path, str(path)).plain()
-    say(f"{path}: {keys.get('title', 'study')}")
+    show_text(f"{path}: {keys.get('title', 'study')}")
     if not text:
         say_lines(str(keys.get("description", "")))
     samples = ", ".join(f"{key} {value}" for key, value in keys.get("samples", {}).items())

@@ -128,9 +128,9 @@ def wrap_text(text: str, label: str, columns: int) -> Iterator[tuple[str, str]]:
 def show_outcome(word: str, sentence: str, file: Path, command: str, *, prefix: str = "", end: str = " ") -> None:
     """Print the last line of a run: a word in its color, a sentence, and where to look: a report or results, and a command."""
     label = "Report" if file.suffix == ".html" else "Results"
-    locations = [text.replace(" ", NO_BREAK_SPACE) for text in (f"{label}: {file}", f"Look: {command}")]
+    locations = [text.replace(" ", NO_BREAK_SPACE) for text in (f"{label}: {file}", f"Look: {command}" * bool(command))]
     style = {"PASS": "bold green", "DONE": "bold"}.get(word, "bold red")
-    show_text(f"{sentence} {'  '.join(locations)}", f"{prefix}{word}{end}", style)
+    show_text(f"{sentence} {'  '.join(filter(None, locations))}", f"{prefix}{word}{end}", style)
 
 
 def make_table(*titles: str, left: int) -> Table:

@@ -7,7 +7,9 @@ from .analysis import Analysis as Analysis
 from .analysis import source_analyses as source_analyses
 from .analysis import trace_to_inputs as trace_to_inputs
 from .comparison import Comparison as Comparison
+from .comparison import Difference as Difference
 from .comparison import compare_runs as compare_runs
+from .comparison import variant_pairs as variant_pairs
 from .evaluation import dimension as dimension
 from .evaluation import expression as expression
 from .evaluation.coverage import ends_before as ends_before

@@ -45,7 +45,7 @@ DIFFERENT_TIMES = (
 class Difference:
     """Largest difference of a signal in a case. `value` [SI]; `part`: relative to the signal's largest magnitude in both.
 
-    `time`: first time at which it exceeds the tolerance [s]. `unit`: in which it is shown.
+    `time`: first time at which it exceeds the tolerance [s]; `peak_time`: at which it is largest. `unit`: in which it is shown.
     """
 
     name: str
@@ -55,6 +55,7 @@ class Difference:
     part: float
     time: float = 0.0
     unit: str = ""
+    peak_time: float = 0.0
 
     @property
     def text(self) -> str:
@@ -356,4 +357,5 @@ def largest_difference(name: str, case: tuple[str, int], a: Signals, b: Signals,
     value = float(distance.max())
     size = max((float(np.max(np.abs(array[np.isfinite(array)]), initial=0.0)) for array in (x, y)), default=0.0)
     part = 0.0 if value == 0 else value / size if size else np.inf
-    return Difference(*where, value, part, float(time[np.argmax(distance > tolerance * size)]), unit)
+    begin, peak = (float(time[np.argmax(rows)]) for rows in (distance > tolerance * size, distance))
+    return Difference(*where, value, part, begin, unit, peak)

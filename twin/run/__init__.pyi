@@ -30,6 +30,8 @@ from .options import RunCallbacks as RunCallbacks
 from .options import RunOptions as RunOptions
 from .options import StudyCase as StudyCase
 from .parameter_table import WARNING as WARNING
+from .parameter_table import case_settings as case_settings
+from .parameter_table import changes_of_base as changes_of_base
 from .parameter_table import parameter_rows as parameter_rows
 from .parameter_table import remarks_on_values as remarks_on_values
 from .parameter_table import value_remarks as value_remarks

@@ -352,6 +352,6 @@ def apply_analyses(scenario: ScenarioSpec, variant: str, recorded: Signals, prog
     """Add the signals of its analyses to a complete case."""
     for analysis in scenario.analyses:
         if recorded.complete and (not analysis.variants or variant in analysis.variants):
-            progress(f"{variant}: {analysis.name}", 1.0)
+            progress(f"{variant}: analysis {analysis.name}", 1.0)
             recorded = analysis.apply(recorded)
     return recorded

@@ -134,8 +134,9 @@ def warning_result(
             factor * float(part.max(initial=-np.inf)) + offset,
         )
         text = f"for {duration:.1f} s" if duration else "never"
-        return duration, peak, text, f"at most {peak:.4g} {shown_unit}".rstrip()
+        return duration, peak, text, f"largest {peak:.4g} {shown_unit}".rstrip()
 
+    limit_text = "" if f"{limit:.4g} " in warning["text"] else f", limit {limit:.4g} {shown_unit}".rstrip()
     duration, peak, text, peak_text = judged(rows[time <= end])
     later, _, later_text, later_peak = judged(rows[time > end])
     return {
@@ -145,7 +146,7 @@ def warning_result(
         "limit": limit,
         "maximum": peak,
         "duration": duration,
-        "detail": f"{text}; {peak_text}, limit {limit:.4g} {shown_unit}".rstrip() if limit else text,
+        "detail": f"{text}; {peak_text}{limit_text}" if limit else text,
         "afterwards": f"; afterwards {later_text}{f', {later_peak}' * bool(limit)}" if later else "",
     }
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import os
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin import clock
 from twin.component import catalog
 from twin.component import unit as units
 from twin.coupling import find
@@ -202,6 +204,44 @@ def own_values(scenario: ScenarioSpec, case: Case, base: Node) -> Iterator[tuple
                 before = (node.get("parameters").get(name).value for node in nodes)
                 previous = next((each for each in before if each is not None), "")
                 yield where, f"{member}.{name}={value}", str(previous)
+
+
+def changes_of_base(scenario: ScenarioSpec) -> str:
+    """Return what a file changes in members of the scenario that it extends; empty if it extends none.
+
+    Such as `changed from contact: heart.rate 60 -> 90 /min; soft wall: wall.wall_modulus 50 kPa`.
+    """
+    base = scenario.base_tree()
+    if base is None:
+        return ""
+    variants: dict[str, list[str]] = {}
+    for case in scenario.variants:
+        for _, option, previous in own_values(scenario, case, base):
+            name, _, value = option.partition("=")
+            unit, before = value.partition(" ")[2], previous
+            with suppress(CouplingError):
+                before = in_unit(number(before, spelled(unit), name), spelled(unit), unit).removesuffix(f" {unit}")
+            variants.setdefault(f"{name} {f'{before} -> ' * bool(before)}{value}", []).append(case.variant)
+    texts = {
+        text: ("" if len(names) == len(scenario.variants) else f"{', '.join(quote_names(names))}: ") + text
+        for text, names in variants.items()
+    }
+    return f"changed from {Path(base.location.file).stem}: {'; '.join(texts.values())}" if texts else ""
+
+
+def case_settings(scenario: ScenarioSpec, variant: str) -> dict[str, str]:
+    """Return times, algorithm, components and parameters of a variant as they are run, as texts, by `member.parameter`."""
+    from twin.run.cases import resolve_catalogs
+
+    case = next(case for case in scenario.variants if case.variant == variant)
+    texts = {"stop_time": clock.text(scenario.stop_ns), "step": clock.text(scenario.step_ns)}
+    texts["algorithm"] = scenario.algorithm.described
+    texts |= {name: spec.component for name, spec in case.members.items()}
+    for row in parameter_rows([case], resolve_catalogs(scenario)):
+        name = f"{row.member}.{row.name}"
+        shown, value = range_unit(scenario, name), f"{row.value} {label(row.unit)}".rstrip()
+        texts[name] = in_unit(float(row.value), row.unit, shown) if shown and row.unit != spelled(shown) else value
+    return texts
 
 
 def value_remarks(scenario: ScenarioSpec, case: Case, catalog: Catalog, option: str, previous: str) -> list[str]:

@@ -52,8 +52,8 @@ def metric_cells(result: MetricResult, style: MetricFormat) -> dict[str, str]:
         "variant": result.variant,
         "verdict": result.verdict,
         "paper": style.reference(result.paper),
-        "mean": "no value"
-        if result.verdict == "none"
+        "mean": VERDICTS[result.verdict][0]
+        if result.mean is None and result.verdict in {"none", "cut"}
         else result.metric.named(result.mean, style.text(result.mean, result.scale)),
         "worst": result.metric.named(result.worst, style.text(result.worst, result.scale))
         if result.metric.has_worst
@@ -210,7 +210,8 @@ class MetricOverview:
             for result in group:
                 numbers = [style.number(value, result.scale) for value in (result.mean, result.worst)]
                 cells[result.variant] = " / ".join(numbers if is_mean and result.metric.has_worst else numbers[:1])
-            table.add_row(*map(Text, (f"{name} [{style.label}]" if style.label else name, *cells.values())))
+            label = style.label[style.label.startswith("1/") :]  # /min
+            table.add_row(*map(Text, (f"{name} [{label}]" if label else name, *cells.values())))
         return table
 
 

@@ -77,7 +77,9 @@ def lint(path: str | Path, overrides: Sequence[str] = (), *, imports: bool = Tru
     problems: list[str] = []
     scenario, more_problems = assemble(merge.load(path, str(path), problems), path, overrides, imports)
     more_problems = [*problems, *more_problems, *resolve_variables(scenario, imports=imports)[1]]
-    return scenario, sorted(dict.fromkeys(more_problems), key=by_line)
+    absent = tuple(text.partition(" there is no file ")[0] for text in more_problems if ": there is no file " in text)
+    unique = [text for text in more_problems if not (text.startswith(absent) and ": is not there. " in text)]
+    return scenario, sorted(dict.fromkeys(unique), key=by_line)
 
 
 def made_scenario(data: dict[str, Any], name: str) -> ScenarioSpec:

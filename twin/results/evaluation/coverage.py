@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from twin import clock
 from twin.errors import quote_names
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
-
-    import numpy as np
 
     from twin.results.evaluation.expression import Expression
     from twin.results.evaluation.metrics import Expectation, Metric, MetricResult
@@ -41,6 +41,15 @@ def describe_cut(window: Window, signal: Expression | None, variants: Sequence[s
                 f"Not judged: the run of {case}, ends at {end}, before its window ends at {clock.text(window.stop_ns)}."
             )
     return ""
+
+
+def describe_late(window: Window, tables: Tables) -> str:
+    """Return a sentence if all runs end before a window begins, as they do with a short stop time of an option; empty otherwise."""
+    end = max((float(signals.time[-1]) for signals in tables.values() if len(signals.time)), default=np.inf)
+    if window.start_ns is None or end >= clock.seconds(window.start_ns):
+        return ""
+    end_text = clock.text(round(end * clock.NANOSECONDS))
+    return f"Not judged: the run ends at {end_text}, before the window begins at {clock.text(window.start_ns)}."
 
 
 def describe_cut_expectation(expectation: Expectation, metrics: Mapping[str, Metric], tables: Tables) -> str:

@@ -17,6 +17,7 @@ from twin.results.evaluation.coverage import (
     describe_cut,
     describe_cut_expectation,
     describe_judged,
+    describe_late,
     describe_unjudged,
     judged_variants,
     list_names,
@@ -259,9 +260,11 @@ def evaluate(
     """
     complete = {case: signals for case, signals in tables.items() if signals.complete}
     run = variants_of(complete)
+    stopped = any(ending.time_ns is not None for ending in terminations.values())  # by drives: that fails
+    unstopped = complete if has_ended and not stopped else {}
     comparable = run if paper_applies else unchanged
     results = [
-        with_verdict(compute_metric(metric, variant, complete), complete, variant in comparable, has_ended)
+        with_verdict(compute_metric(metric, variant, complete), complete, variant in comparable, has_ended, unstopped)
         for metric in metrics.values()
         for variant in run
         if not metric.variants or variant in metric.variants
@@ -270,7 +273,9 @@ def evaluate(
     expectations = tuple(in_display_units(expectations, metrics))
     expectation_results = []
     for expectation in expectations:
-        if expectation.ends:
+        if late := describe_late(metrics.get(expectation.metric or "", expectation).window, unstopped):
+            result = ExpectationResult(describe_limits(expectation)[2], "skipped", late)
+        elif expectation.ends:
             result = ExpectationResult(*check_termination(expectation, complete, terminations))
         else:
             result = check_expectation(expectation, present, complete)
@@ -325,12 +330,16 @@ def compute_metric(metric: Metric, variant: str, tables: Mapping[tuple[str, int]
 
 
 def with_verdict(
-    result: MetricResult, tables: Mapping[tuple[str, int], Signals], paper_applies: bool, has_ended: bool
+    result: MetricResult,
+    tables: Mapping[tuple[str, int], Signals],
+    paper_applies: bool,
+    has_ended: bool,
+    unstopped: Mapping[tuple[str, int], Signals],
 ) -> MetricResult:
-    """Add the verdict: whether the mean over seeds is within the tolerance of the paper's value."""
+    """Add the verdict: whether the mean over seeds is within the tolerance of the paper's value. `unstopped`: runs that no drive stopped."""
     metric, verdict = result.metric, "info"
     if result.mean is None:
-        verdict = "none"
+        verdict = "cut" if describe_late(metric.window, unstopped) else "none"
     elif has_ended and describe_cut(metric.window, metric.signal, (result.variant,), tables):
         verdict = "cut"
     elif result.paper is not None and not paper_applies:

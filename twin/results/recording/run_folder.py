@@ -329,7 +329,7 @@ def describe_outcome(summary: Mapping[str, Any]) -> tuple[str, str]:
         f"{met} of {judged}" if word == "PASS" else f"{judged - met} of {judged} requirements failed" * (met < judged)
     )
     warnings = sum("warning: " in note for note in summary.get("notes", ()))
-    parts = [counts, *not_judged_texts(*count_not_judged(summary)) * bool(counts)]
+    parts = [counts, *not_judged_texts(*count_not_judged(summary))]
     return word, ", ".join(filter(None, [*parts, *[f"{warnings} warning{'s' * (warnings > 1)}"] * bool(warnings)]))
 
 

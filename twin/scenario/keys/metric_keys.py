@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import copy
+from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Self
 
 from twin import clock
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from twin.scenario.yaml_files.yaml_node import Node
     from twin.scene import Scene
 
+RUN_FILES = ("summary.json", ".recording")  # beside the scenario.yaml of a run
 Path = tuple[str | int, ...]
 
 
@@ -100,8 +102,13 @@ class Builder:
         return Window(start, stop)
 
     def report_late_windows(self) -> None:
-        """Add one problem for all windows that begin after the run, with the stop time that they need."""
-        if not self.late_windows:
+        """Add one problem for all windows that begin after the run, with the stop time that they need.
+
+        None with a stop time of an option, also in the files of its run: these windows are not judged.
+        """
+        file = self.tree.find(("stop_time",)).location.file
+        is_run = any(FilePath(file).with_name(name).exists() for name in RUN_FILES) and file.endswith("scenario.yaml")
+        if not self.late_windows or file.startswith("--") or is_run:
             return
         first, _ = self.late_windows[0]
         starts = sorted({window.start_ns or 0 for _, window in self.late_windows})

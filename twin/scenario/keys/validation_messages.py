@@ -30,6 +30,8 @@ EXAMPLES = {
     "title": "title: Contact force",
 }
 
+SYNONYMS = {"min": "at_least", "max": "at_most", "description": "title"}  # unknown key: the one that is meant
+
 KINDS = {
     "string_type": "text",
     "list_type": "a list",
@@ -113,7 +115,10 @@ def line(root: Node, error: Any, model: Any = ScenarioKeys) -> str:
         prefix = f"{dotted(path[:-1])}: " if path[:-1] else ""
         groups = groups_with(str(path[-1]), model) if len(path) == 1 else []
         remedy = f" It belongs to `{groups[0]}`: `{groups[0]}: {{{path[-1]}: ...}}`." if len(groups) == 1 else ""
-        return f"{location}: {prefix}unknown key `{path[-1]}`.{remedy or nearest(str(path[-1]), keys_at(path[:-1], model))}"
+        keys = [*keys_at(path[:-1], model)]
+        meant = SYNONYMS.get(str(path[-1]), "")
+        remedy = remedy or (f" Did you mean `{meant}`?" if meant in keys else nearest(str(path[-1]), keys))
+        return f"{location}: {prefix}unknown key `{path[-1]}`.{remedy}"
     if kind == "missing":
         example = EXAMPLES.get(str(path[-1]), f"{path[-1]}: ...")
         return f"{location}: {dotted(path[:-1])}: `{path[-1]}` is missing. Add it, such as `{example}`."

@@ -65,11 +65,14 @@ def override(root: Node, option: str) -> Node:
 
 
 def replaced_values(root: Node, options: Iterable[str], variants: Collection[str]) -> list[str]:
-    """Return a sentence for each `--set` option that replaces other values which some of `variants` have of their own."""
+    """Return a sentence for each `--set` option that replaces values which some of `variants` set themselves, or is of a variant that is not run."""
     nodes = root.get("variants").entries
     sentences = []
     for option in options:
         path, value = parse_option(option)
+        only = max((name for name in nodes if path.startswith(f"variants.{name}.")), key=len, default=None)
+        if only is not None and only not in variants:
+            sentences.append(f"--set {option}: {only} is not run: no effect.")
         own_values = [
             f"{variant} ({own.plain()})"
             for variant, node in nodes.items()
