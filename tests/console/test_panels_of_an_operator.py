@@ -171,7 +171,7 @@ def test_changed_values_are_marked_with_their_nominal_value(setting):
     assert one.page.shown() == []
     one.live.values["changed_values"] = {"a.k": 2.5, "a.b": True}
     one.page.tick()
-    line = "Changed by hand: a.k 2500 mm (nominal 1000 mm); a.b true (nominal false)"
+    line = "Changed by hand: a.k 2500 mm (nominal 1000); a.b true (nominal false)"
     assert one.page.shown() == [line, "nominal values", "nominal 1000 mm"]
     one.page.press("nominal values")
     assert one.calls == [("live", "set", "a.k", 1.0), ("live", "set", "a.b", False)]

@@ -330,7 +330,8 @@ def changes(context: PageContext) -> None:
 
     def text(name: str, value: Any) -> str:
         signal = signals[name.partition("[")[0]]
-        return f"{name} {value_text(signal, value)} (nominal {value_text(signal, start_value(name, signal))})"
+        nominal = value_text(signal, start_value(name, signal)).removesuffix(f" {signal.display_unit}")
+        return f"{name} {value_text(signal, value)} (nominal {nominal})"
 
     async def set_nominal() -> None:
         for name in live.changed_values:

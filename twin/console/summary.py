@@ -181,7 +181,7 @@ def metric_table(rows: list[Row], before: RunMetrics) -> None:
         short = row.name.partition(";")[0].partition(" (")[0] + unit
         lines.append(f"<tr><td title='{html.escape(row.name)}'>{html.escape(short)}</td>{''.join(numbers)}</tr>")
     ui.html(f'<table class="twin-metrics">{"".join(lines)}</table>', sanitize=False).classes("full-width")
-    if 1 in shown:
+    if 1 in shown or before.folder:
         with ui.row().classes("gap-2"):
             ui.label(f"before: {before.title}").classes("twin-soft twin-line")
             if before.folder:
