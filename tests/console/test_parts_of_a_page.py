@@ -365,7 +365,7 @@ def test_a_metric_is_compared_once_its_window_has_ended_and_the_run_before_stays
             row = Row("", "mean", "", True, newton, 1.0, is_final=is_final)
             summary.metric_table([row], RunMetrics("earlier", {"mean": 2.0}, "a, 10:15", "runs/rig/1"))
     assert ["before" in table.content for table in one.page.elements(ui.html)] == [False, True]
-    assert [link.props["href"] for link in one.page.elements(ui.link)] == ["/signals?before", "/report?before"]
+    assert [link.props["href"] for link in one.page.elements(ui.link)] == ["/signals?before", "/report?before"] * 2
 
 
 @pytest.mark.parametrize("part", ["list", "card"])
