@@ -405,7 +405,7 @@ def test_escape_does_not_end_a_simulation_and_another_scenario_is_picked(page):
     assert page.text_content("#twin-how").startswith("paused")
     page.click("#twin-stop")
     page.wait_for_function("document.querySelector('#twin-how').textContent.startsWith('ended')")
-    page.get_by_text(re.compile("^Ended at")).wait_for()
+    page.get_by_text(re.compile("^(Ended|Completed) at")).wait_for()
     page.get_by_text("another scenario").click()
     page.wait_for_selector("#twin-stop", state="hidden")  # nothing runs
     page.get_by_placeholder("search", exact=True).fill("bench buckling")
