@@ -118,7 +118,7 @@ def test_a_tick_holds_what_has_changed():
         "attend": True,
         "dropped": False,
         "phase": "running",
-        "time": 1.5,
+        "time": 1.25,  # of the values: one age for status, picture and charts
         "rate": None,
         "achieved": 2.0,
         "lag": 0.01,

@@ -10,7 +10,8 @@ from tests.every_case import every_case
 
 pytest.importorskip("nicegui")
 
-from twin.console.operator_panel import HELD, RELEASED, _shown, _start, condense, parse_entry, read
+from twin.console.curves import shown_value, start_value
+from twin.console.operator_panel import HELD, RELEASED, condense, parse_entry, read
 from twin.live import EXPIRED, ExecutedCommand, RefusedError
 
 SIGNAL = SimpleNamespace(name="a.m", start=[[1.0, 2.0], [3.0, 4.0]], factor=1e3, offset=-2.0)
@@ -45,14 +46,20 @@ def test_what_a_field_takes_and_refuses(text, low, high, value):
 
 def test_what_a_field_shows():
     """An element by its index from 1, in the display unit with nine digits."""
-    assert [_start(name, SIGNAL) for name in ("a.m", "a.m[1,2]", "a.m[2,1]", "a.m[2]")] == [
+    assert [start_value(name, SIGNAL) for name in ("a.m", "a.m[1,2]", "a.m[2,1]", "a.m[2]")] == [
         SIGNAL.start,
         2.0,
         3.0,
         [3.0, 4.0],
     ]
-    assert _start("a.m[1]", SimpleNamespace(name="a.m", start=None)) is None
-    assert [_shown(SIGNAL, value) for value in (0.0, 0.5, None, "3 mm", 1 / 3)] == [-2.0, 498.0, -2.0, -2.0, 331.333333]
+    assert start_value("a.m[1]", SimpleNamespace(name="a.m", start=None)) is None
+    assert [shown_value(SIGNAL, value) for value in (0.0, 0.5, None, "3 mm", 1 / 3)] == [
+        -2.0,
+        498.0,
+        -2.0,
+        -2.0,
+        331.333333,
+    ]
 
 
 @every_case(
@@ -79,7 +86,7 @@ def test_what_is_read(text, value):
 )
 def test_the_start_of_an_element(name, start, value):
     """None where the start is not known for each element."""
-    assert _start(name, SimpleNamespace(name="a.m", start=start)) == value
+    assert start_value(name, SimpleNamespace(name="a.m", start=start)) == value
 
 
 def test_a_hold_is_two_lines():

@@ -72,7 +72,7 @@ def test_a_picture_is_hidden_until_its_values_are_there(page):
         """async () => {
           const { default: picture } = await import("/console/picture.js");
           const views = [{ view: "rig", title: "", parts: [{ kind: "carriage", signals: { position: "carriage.position", velocity: "carriage.velocity" }, sizes: {} }] }];
-          const own = { $el: document.createElement("div"), views, warnings: [], reached: [], warn() {} };
+          const own = { $el: document.createElement("div"), views, warnings: [], reached: [], controls: [], warn() {} };
           picture.mounted.call(own);
           const seen = [own.$el.style.visibility];
           for (const values of [{}, { "carriage.position": 0.001 }, {}]) { own.onTick({ values }); seen.push(own.$el.style.visibility); }
@@ -265,6 +265,28 @@ def test_texts_that_change_move_no_button(page):
     assert after == before
 
 
+def test_what_is_not_met_covers_no_picture(page):
+    """Without joysticks, which must not move, it has a line of its own, which takes room only while it is shown."""
+    tops = page.evaluate(
+        """() => {
+          const desk = document.createElement("div");
+          desk.className = "twin-desk";
+          desk.innerHTML = `<div class="twin-picture"><div><i class="twin-dimensions hidden"></i><div class="twin-alert">
+            <p class="twin-warning hidden">Not met: contact</p></div></div><svg></svg></div>`;
+          document.body.append(desk);
+          const [alert, picture] = [".twin-warning", "svg"].map((each) => desk.querySelector(each));
+          const top = () => picture.getBoundingClientRect().top - desk.querySelector(".twin-alert").getBoundingClientRect().top;
+          const before = top();
+          alert.classList.remove("hidden");
+          const after = [top(), alert.getBoundingClientRect().height];
+          desk.remove();
+          return [before, ...after];
+        }"""
+    )
+    assert tops[0] == 0
+    assert tops[1] >= tops[2] > 10
+
+
 def test_a_telephone_shows_picture_joysticks_curves_and_then_values(page):
     page.set_viewport_size({"width": 360, "height": 780})
     order = [
@@ -382,8 +404,8 @@ def test_escape_does_not_end_a_simulation_and_another_scenario_is_picked(page):
     page.wait_for_timeout(300)
     assert page.text_content("#twin-how").startswith("paused")
     page.click("#twin-stop")
-    page.wait_for_function("document.querySelector('#twin-how').textContent.startsWith('stopped')")
-    page.get_by_text("The session is over.").wait_for()
+    page.wait_for_function("document.querySelector('#twin-how').textContent.startsWith('ended')")
+    page.get_by_text(re.compile("^(Ended|Completed) at")).wait_for()
     page.get_by_text("another scenario").click()
     page.wait_for_selector("#twin-stop", state="hidden")  # nothing runs
     page.get_by_placeholder("search", exact=True).fill("bench buckling")

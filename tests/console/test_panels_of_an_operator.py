@@ -15,7 +15,7 @@ from tests.console.page_without_a_server import Page
 from tests.console.without_a_process import Recorder
 from twin.console import operator_panel, safety, targets
 from twin.console.operator_panel import MAX_MATCHES
-from twin.console.page import PageContext
+from twin.console.page import PageContext, changes
 from twin.console.session import Host
 from twin.errors import TwinError
 from twin.live import ExecutedCommand, RefusedError
@@ -156,10 +156,31 @@ def test_nothing_can_be_changed_after_the_end(setting):
     sections = {each.text: each for each in one.page.elements(ui.expansion)}
     one.page.tick()
     assert not any("inert" in each.props for each in sections.values())
-    one.state.phase = "stopped"
+    one.state.phase = "finishing"  # the results are written
     one.page.tick()
     locked = [text for text, each in sections.items() if "inert" in each.props]
     assert locked == ["Inputs and parameters", "Override outputs"]  # the commands can still be downloaded
+
+
+def test_changed_values_are_marked_with_their_nominal_value(setting):
+    """Also in the next variant, which begins with them; one button sets all of them back, while the session lasts."""
+    one = setting(signal("a.k", factor=1e3), signal("a.b", type="Boolean", start=False), parameters={"a.k": None})
+    with one.page:
+        changes(one.context)
+        operator_panel.values(one.context, one.live, one.catalog.signals)
+    assert one.page.shown() == []
+    one.live.values["changed_values"] = {"a.k": 2.5, "a.b": True}
+    one.page.tick()
+    line = "Changed by hand: a.k 2500 mm (nominal 1000); a.b true (nominal false)"
+    assert one.page.shown() == [line, "nominal values", "nominal 1000 mm"]
+    one.page.press("nominal values")
+    assert one.calls == [("live", "set", "a.k", 1.0), ("live", "set", "a.b", False)]
+    one.state.phase = "stopped"
+    one.page.tick()
+    assert one.page.shown() == [line, "nominal 1000 mm"]
+    one.live.values["changed_values"] = {}
+    one.page.tick()
+    assert one.page.shown() == []
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from tests.every_case import every_case
 pytest.importorskip("nicegui")
 
 from twin.console.verdicts import Row, SessionVerdicts, headline
+from twin.scenario import lint, scenario_paths
 
 TEXT = """
 stop_time: 0.5 s
@@ -147,6 +148,15 @@ def test_the_result_in_a_sentence(counts, sentence):
         verdict for verdict, count in zip(("pass", "fail", "waiting"), counts, strict=True) for _ in range(count)
     ]
     assert headline([Row(verdict, "name", "") for verdict in [*verdicts, ""]], True) == sentence
+
+
+def test_a_requirement_for_the_values_of_the_file_says_so():
+    """The paper's force is not judged after another setpoint was set, in each scenario whose page lists parameters."""
+    for name in ("bench_wall", "heart_wall_force", "hysteresis_models", "rig_on_wall"):
+        scenario, _ = lint(scenario_paths.located(name), imports=False)
+        papers = [each for each in scenario.expectations if "paper's 0." in each.name or "as in the paper" in each.name]
+        assert papers
+        assert all(each.nominal for each in papers)
 
 
 def test_requirements_that_are_not_judged_are_counted():

@@ -58,6 +58,12 @@ def test_a_search_leaves_out_empty_groups(groups):
         ("Operate", ["guided_injection"])
     ]
     assert select_groups(groups, "nothing at all") == []
+    for search, scenario in (
+        ("wall friction coefficient", "bench_wall"),  # title of a variant
+        ("not drawn to scale", "bench_wall"),  # description
+        ("hysterisis", "hysteresis_models"),
+    ):
+        assert scenario in [name for _, entries in select_groups(groups, search) for name, _ in entries]
     assert no_match("nothing at all") == "No scenario matches."
     study = next(iter(scenario_paths.scenarios("study")))
     assert no_match(study.upper()).endswith(f" {study} is a study: run `twin study {study}` in a terminal.")

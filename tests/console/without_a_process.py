@@ -112,7 +112,9 @@ class Setting:
             "state": state,
             "catalog": catalog,
             "changes": {},
-            "latest": lambda names: SimpleNamespace(values={name: self.rows[name] for name in names}),
+            "latest": lambda names: SimpleNamespace(
+                time=np.array([0.5, 1.25]), values={name: self.rows[name] for name in names}
+            ),
         }
         self.live = Recorder("live", self.calls, values)
         values = {"controls": {"jog"}, "held": {"jog": 0.5}, "attended": True, "busy": ""}

@@ -237,7 +237,7 @@ def test_a_changed_run_says_what_fails_and_what_it_was_in_the_default_run(tmp_pa
     assert "another" in rest
     table = rest[rest.index('<table class="failures') :]
     assert re.search(r'<td data-label="default run">PI 20(.0*)? mN; PI\+FF 30(.0*)? mN</td>', table)
-    row = table[table.index("stays &lt;in&gt; band<") : table.index("</section>")]
+    row = table[table.index("stays &lt;in&gt; band<") : table.index(">order</a>")]
     assert re.findall(r'<td data-label="(.*?)">(.*?)</td>', row) == [
         ("limit", "0.1 N to 0.24 N"),
         ("default run", "0.11 N to 0.2 N"),

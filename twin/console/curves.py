@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator
 from contextlib import suppress
 from itertools import product
 from math import prod
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -101,3 +101,25 @@ def elements(signal: CatalogSignal) -> Iterator[str]:
     else:
         for index in product(*(range(1, size + 1) for size in signal.shape)):
             yield f"{signal.name}[{','.join(map(str, index))}]"
+
+
+def start_value(name: str, signal: CatalogSignal) -> Any:
+    """Return the start value of a scalar of a signal, in its own unit."""
+    value = signal.start
+    for index in name[len(signal.name) + 1 : -1].split(",") if name != signal.name else []:
+        value = value[int(index) - 1] if isinstance(value, list | tuple) and value else None
+    return value
+
+
+def shown_value(signal: CatalogSignal, value: Any) -> float:
+    """Return a value in the display unit; 0 for what is no number."""
+    own = float(value) if isinstance(value, int | float) else 0.0
+    return float(f"{signal.factor * own + signal.offset:.9g}")
+
+
+def value_text(signal: CatalogSignal, value: Any) -> str:
+    """Return a value of a signal in words: with its display unit, or the text of its item."""
+    if signal.type == "Boolean":
+        return str(bool(value)).lower()
+    item = next((text for text, number in signal.items.items() if number == value), "")
+    return item or f"{shown_value(signal, value):.6g} {signal.display_unit}".rstrip()

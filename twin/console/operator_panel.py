@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
-from twin.console.curves import elements
+from twin.console.curves import elements, shown_value, start_value, value_text
 from twin.errors import TwinError
 from twin.live import EXPIRED, OVER, RefusedError
 from twin.scenario import number
@@ -43,7 +43,7 @@ def panel(context: PageContext, more: Callable[[], None]) -> None:
     section("Executed commands", lambda: done(context, live), opened=True)
 
     def lock() -> None:
-        if live.state.phase in OVER:  # nothing can be changed after the end
+        if live.state.phase in (*OVER, "finishing"):  # nothing can be changed after the end
             for expansion in changing:
                 expansion.props("inert").classes("disabled")
 
@@ -89,8 +89,12 @@ def values(context: PageContext, live: LiveSession, settable: dict[str, CatalogS
         .classes("full-width")
     )
 
+    marks: dict[str, ui.label] = {}  # nominal values beside the names, shown while they are changed
+    was_changed = [False]
+
     @ui.refreshable
     def rows() -> None:
+        marks.clear()
         words = (search.value or "").casefold().split()
         changed = live.state.values
         names = settable if words else [name for name in dict.fromkeys((*listed, *changed)) if name in settable]
@@ -98,42 +102,50 @@ def values(context: PageContext, live: LiveSession, settable: dict[str, CatalogS
             name for name in names if all(word in f"{name} {settable[name].description}".casefold() for word in words)
         ]
         for name in matches[:MAX_MATCHES]:
-            row(context, live, name, settable[name], listed.get(name))
+            marks[name] = row(context, live, name, settable[name], listed.get(name))
         if not matches:
             ui.label("No value matches." if words else "Search for a value by a part of its name.").classes("twin-soft")
         if len(matches) > MAX_MATCHES:
             ui.label(f"and {len(matches) - MAX_MATCHES} more: refine the search").classes("twin-soft")
 
-    async def set_nominal() -> None:
-        for name in live.changed_values:
-            await context.run(live.set, name, _start(name, settable[name]))
-        rows.refresh()
+    def update() -> None:
+        changed = live.changed_values
+        if was_changed[0] and not changed:
+            rows.refresh()  # the fields show nominal values again
+        was_changed[0] = bool(changed)
+        for name, mark in marks.items():
+            mark.visible = name in changed
 
-    nominal = ui.button("nominal values", on_click=set_nominal).props("dense no-caps outline")
-    nominal.visible = bool(live.changed_values)
     search.on_value_change(rows.refresh)
     search.on("keydown.escape", lambda: search.set_value(""))
     rows()
-    ui.timer(0.3, lambda: nominal.set_visibility(bool(live.changed_values)))
+    update()
+    ui.timer(0.3, update)
 
 
 def row(
     context: PageContext, live: LiveSession, name: str, signal: CatalogSignal, ends: tuple[float, float] | None = None
-) -> None:
-    """Create one value: a switch, or a field with its unit, and a slider between `ends` or the declared bounds [SI]."""
-    now = live.state.values.get(name, _start(name, signal))
+) -> ui.label:
+    """Create one value: a switch, or a field with its unit, and a slider between `ends` or the declared bounds [SI].
+
+    Return the label with its nominal value, which is hidden.
+    """
+    now = live.state.values.get(name, start_value(name, signal))
     with ui.element("div").classes("twin-value full-width"):
         if signal.description:
             ui.tooltip(signal.description).props(
                 "anchor='center left' self='center right' max-width=260px"
             )  # covers no row
         # a long name breaks behind a dot or an underscore
-        ui.html(re.sub(r"([._])", r"\1<wbr>", escape(name)), sanitize=False).classes("twin-name")
+        with ui.element("div").classes("twin-name"):
+            ui.html(re.sub(r"([._])", r"\1<wbr>", escape(name)), sanitize=False)
+            mark = ui.label(f"nominal {value_text(signal, start_value(name, signal))}").classes("twin-warn")
+        mark.visible = False
         if signal.type == "Boolean":
             ui.switch(value=bool(now), on_change=lambda said: context.run(live.set, name, said.value is True)).props(
                 f'dense aria-label="{name}"'
             )
-            return
+            return mark
         if signal.items:
             items = {value: text for text, value in signal.items.items()}
             ui.select(
@@ -141,8 +153,9 @@ def row(
                 value=now if now in items else None,
                 on_change=lambda said: context.run(live.set, name, said.value),
             ).props(f'dense options-dense aria-label="{name}"')
-            return
-        number_field(context, live, name, signal, _shown(signal, now), ends)
+            return mark
+        number_field(context, live, name, signal, shown_value(signal, now), ends)
+    return mark
 
 
 def number_field(
@@ -159,7 +172,7 @@ def number_field(
     update that the server sends between two keys would replace what is typed, and another number would be executed.
     """
     edges = (signal.minimum, signal.maximum) if ends is None else ends
-    low, high = (None if edge is None else _shown(signal, edge) for edge in edges)
+    low, high = (None if edge is None else shown_value(signal, edge) for edge in edges)
     applied = [shown]
     entry: list[str | None] = [None]  # text that is being executed
     field = ui.input(value=f"{shown:.9g}").without_auto_validation()
@@ -247,18 +260,6 @@ def _executed(signal: CatalogSignal, value: float) -> float | int:
     """Return a value of the display unit in the variable's own unit."""
     own = (value - signal.offset) / signal.factor
     return round(own) if signal.type.lstrip("U").startswith("Int") else own
-
-
-def _start(name: str, signal: CatalogSignal) -> Any:
-    value = signal.start
-    for index in name[len(signal.name) + 1 : -1].split(",") if name != signal.name else []:
-        value = value[int(index) - 1] if isinstance(value, list | tuple) and value else None
-    return value
-
-
-def _shown(signal: CatalogSignal, value: Any) -> float:
-    own = float(value) if isinstance(value, int | float) else 0.0
-    return float(f"{signal.factor * own + signal.offset:.9g}")
 
 
 def overrides(context: PageContext, live: LiveSession) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Awaitable, Callable
 from functools import partial
+from itertools import starmap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from nicegui import run as nicegui_run
 from twin import web
 from twin.console import charts, operator_panel, safety, start_page, summary, targets, websocket
 from twin.console.animation import FLAT, Pictures, to_si
+from twin.console.curves import start_value, value_text
 from twin.console.joysticks import Desk, Presence, controls
 from twin.console.session import panels
 from twin.errors import TwinError
@@ -268,11 +270,12 @@ def _bar(context: PageContext) -> None:
             with ui.button(icon="info").props("flat round dense aria-label='about this scenario'"), ui.menu():
                 ui.markdown(catalog.description).classes("twin-about")
         if len(catalog.variants) > 1 and console.hardware is None:
-            ui.select(
+            variant: ui.select = ui.select(
                 {name: f"{name}: {title}" if title != name else name for name, title in catalog.variants.items()},
                 value=catalog.variant,
-                on_change=lambda said: context.run(console.restart, said.value),
-            ).props("dense options-dense outlined aria-label='variant'").classes("twin-variant")
+                on_change=lambda said: choose_variant(context, variant, said.value),
+            )
+            variant.props("dense options-dense outlined aria-label='variant'").classes("twin-variant")
         elif len(catalog.variants) > 1:
             ui.label(catalog.variant).classes("twin-soft ellipsis")
         steps = ui.row().classes("items-center no-wrap gap-0")
@@ -284,6 +287,8 @@ def _bar(context: PageContext) -> None:
     def update() -> None:
         goes = live.state.phase == "running"
         run.visible = live.state.phase in ("paused", "ended")
+        if console.has_ended:  # the next step is in the summary
+            run.props("outline", remove="unelevated")
         pause.visible = goes and not catalog.wall_clock
         steps.visible = live.state.phase not in (*OVER, "finishing")
         finishing.visible = live.state.phase in ("finishing", "starting")
@@ -291,7 +296,59 @@ def _bar(context: PageContext) -> None:
     update()
     ui.timer(REFRESH_PERIOD, update)
     summary.banner(context)
+    changes(context)
     ui.html('<span id="twin-message" role="status"></span>', sanitize=False)
+
+
+async def choose_variant(context: PageContext, selection: ui.select, variant: str) -> None:
+    """Load a variant; ask before a run is ended. The selection shows the loaded one until the other is loaded."""
+    console, live, catalog = context.console, context.console.live, context.console.catalog
+    if live is None or catalog is None or variant == catalog.variant:
+        return
+    selection.value = catalog.variant
+    if live.state.phase not in ("running", "paused") or live.state.time <= catalog.start or console.has_ended:
+        await context.run(console.restart, variant)
+        return
+
+    async def load() -> None:
+        dialog.close()
+        await context.run(console.restart, variant)
+
+    with context.client, ui.dialog(value=True) as dialog, ui.card():
+        ui.label(f"End this run at {live.state.time:.1f} s and load {variant}? Its results so far are written.")
+        with ui.row():
+            ui.button("end and load", on_click=load).props("no-caps unelevated color=primary")
+            ui.button("cancel", on_click=dialog.close).props("no-caps outline")
+
+
+def changes(context: PageContext) -> None:
+    """Create the line that names values changed by hand, with their nominal values and a button that sets these."""
+    live, catalog = context.console.live, context.console.catalog
+    assert live is not None
+    assert catalog is not None
+    signals = catalog.signals
+
+    def text(name: str, value: Any) -> str:
+        signal = signals[name.partition("[")[0]]
+        nominal = value_text(signal, start_value(name, signal)).removesuffix(f" {signal.display_unit}")
+        return f"{name} {value_text(signal, value)} (nominal {nominal})"
+
+    async def set_nominal() -> None:
+        for name in live.changed_values:
+            await context.run(live.set, name, start_value(name, signals[name.partition("[")[0]]))
+
+    with ui.row().classes("twin-over twin-changes items-center") as row:
+        label = ui.label().classes("twin-line")
+        button = ui.button("nominal values", on_click=set_nominal).props("dense no-caps outline")
+
+    def update() -> None:
+        changed = live.changed_values
+        row.visible = bool(changed)
+        label.text = f"Changed by hand: {'; '.join(starmap(text, changed.items()))}" if changed else ""
+        button.visible = row.visible and live.state.phase not in (*OVER, "finishing")
+
+    update()
+    ui.timer(0.3, update)
 
 
 def _steps(context: PageContext, live: LiveSession, catalog: Catalog) -> None:

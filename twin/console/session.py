@@ -76,11 +76,15 @@ class Panel:
 
 @dataclass(frozen=True)
 class RunMetrics:
-    """Metrics of a run [SI] by name. `run`: its identity; `title`: variant, whether values were changed by hand, time of day."""
+    """Metrics of a run [SI] by name. `run`: its identity; `title`: variant, whether values were changed by hand, time of day.
+
+    `folder`: of its results.
+    """
 
     run: Any = None
     values: Mapping[str, float] = field(default_factory=dict)
     title: str = ""
+    folder: str = ""
 
 
 @dataclass
@@ -102,7 +106,7 @@ class Host:
     activities: dict[str, BackgroundActivity] = field(default_factory=dict)  # by title of the panel
     lock: threading.Lock = field(default_factory=threading.Lock)  # of the use of the drives
     latest_metrics: RunMetrics = RunMetrics()  # of the shown run
-    _metrics_before: RunMetrics = RunMetrics()  # of the last run that had some
+    before: RunMetrics = RunMetrics()  # of the last run that had some
     _source: SessionCurves | None = None
     _stopping: threading.Thread | None = None
 
@@ -200,9 +204,9 @@ class Host:
     def metrics_before(self, run: Any) -> RunMetrics:
         """Return the metrics of the run before this one; `run`: identity of this one."""
         if self.latest_metrics.run != run:
-            self._metrics_before = self.latest_metrics if self.latest_metrics.values else self._metrics_before
+            self.before = self.latest_metrics if self.latest_metrics.values else self.before
             self.latest_metrics = RunMetrics(run)
-        return self._metrics_before
+        return self.before
 
     def leave(self) -> None:
         """Return to the list of scenarios. TwinError if a session is running."""
@@ -211,7 +215,7 @@ class Host:
                 raise TwinError("a session is running. Stop it first.")
             self._end()
             self.live = self._stopping = self._source = None
-            self.latest_metrics = self._metrics_before = RunMetrics()
+            self.latest_metrics = self.before = RunMetrics()
 
     @property
     def drives_in_use(self) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import time
+from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from twin.console.page import PageContext
 
 MAX_RECENT = 4
+LIKE = 0.8  # similarity (difflib ratio) from which a word of a search counts although it is typed otherwise
 TOPICS = scenario_paths.TOPICS
 OTHERS = "Others"
 TOPIC_PICTURES = Path(__file__).parent / "static" / "topics"
@@ -94,18 +97,26 @@ def group_scenarios(recent: list[str], scenarios: dict[str, Path]) -> list[Group
 
 
 def select_groups(groups: list[Group], search: str, topic: str = "") -> list[Group]:
-    """Return the groups with the scenarios whose name, title or headings contain all words; empty groups are left out.
+    """Return the groups with the scenarios whose name, title, headings, description or variants contain all words; no empty groups.
 
-    `topic`: a heading, of which one group is returned with all its scenarios.
+    If none contains them, words that are similar count too. `topic`: a heading, of which one group is returned with all its scenarios.
     """
     words = search.casefold().split()
 
-    def is_selected(name: str, each: scenario_paths.Overview) -> bool:
+    def is_selected(name: str, each: scenario_paths.Overview, is_tolerant: bool) -> bool:
         headings = headings_of(each)
-        text = f"{name} {each.title} {' '.join(headings)}".casefold()
-        return (not topic or topic in headings) and all(word in text for word in words)
+        if topic and topic not in headings:
+            return False
+        text = f"{name} {each.title} {' '.join(headings)} {each.details}".casefold()
+        parts = re.findall(r"\w+", text.replace("_", " ")) if is_tolerant else []
+        return all(word in text or get_close_matches(word, parts, 1, LIKE) for word in words)
 
-    selected = [(heading, [entry for entry in entries if is_selected(*entry)]) for heading, entries in groups]
+    for is_tolerant in (False, True):
+        selected = [
+            (heading, [entry for entry in entries if is_selected(*entry, is_tolerant)]) for heading, entries in groups
+        ]
+        if any(entries for _, entries in selected):
+            break
     if topic:
         selected = [(topic, [entry for _, entries in selected for entry in entries])]
     return [(heading, entries) for heading, entries in selected if entries]

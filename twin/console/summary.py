@@ -25,7 +25,7 @@ from twin.results import common_format, count_not_judged, count_verdicts, requir
 from twin.run import Score, session_verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable, Mapping
 
     from fastapi import FastAPI
     from starlette.requests import Request
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from twin.console.page import PageContext
     from twin.console.session import Host, RunMetrics
-    from twin.live import LiveSession
+    from twin.live import Catalog, LiveSession
 
 JUDGE_PERIOD = 1.0  # [s]
 QUICK = (
@@ -41,6 +41,7 @@ QUICK = (
 )
 PAGE, REPORT = "signals.html", "report.html"
 DIGITS = 4  # of the largest number in a row of metrics
+ROWS_DELAY = 0.1  # after the last step, its row is written [s]
 HEADLINE_METRICS = 3  # of the card at the end
 SYMBOLS = {
     "pass": ("check_circle", "twin-good"),
@@ -55,15 +56,20 @@ def register(app: FastAPI, console: Host) -> None:
     """Serve the latest session in the viewer, as the page that `twin view FOLDER --output` writes."""
     from starlette.responses import FileResponse, PlainTextResponse
 
-    async def page(_: Request) -> Response:
+    def folder(request: Request) -> str:
+        if "before" in request.query_params:
+            return console.before.folder
         live = console.live
-        if live is None or live.state.phase not in OVER or not live.state.folder:
+        return live.state.folder if live is not None and live.state.phase in OVER else ""
+
+    async def page(request: Request) -> Response:
+        if not (name := folder(request)):
             return PlainTextResponse("The session is not over yet.", 404)
-        file, problem = await asyncio.to_thread(view_page, Path(live.state.folder))
+        file, problem = await asyncio.to_thread(view_page, Path(name))
         return PlainTextResponse(problem, 500) if problem else FileResponse(file)
 
-    async def report(_: Request) -> Response:
-        file = Path(console.live.state.folder if console.live is not None else "") / REPORT
+    async def report(request: Request) -> Response:
+        file = Path(folder(request)) / REPORT
         return FileResponse(file) if file.is_file() else PlainTextResponse("There is no report yet.", 404)
 
     app.add_route("/signals", page, methods=["GET"])
@@ -119,14 +125,16 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
         is_over = live.state.phase in OVER
         counted = [not_reached(row) if is_over else row for row in rows or ()]
         counted += [named_warning(row) for row in warnings]
-        if (counted, has_ended) == shown[0] or not rows or total.is_deleted:  # the page was built anew meanwhile
+        if (counted, has_ended, is_over) == shown[0] or not rows or total.is_deleted:  # built anew meanwhile
             return
-        shown[0], total.text = (counted, has_ended), headline(counted, has_ended)
+        shown[0] = (counted, has_ended, is_over)
+        words = report_words(read_summary(live)) if is_over else ""
+        total.text = words or headline([*counted[: len(rows)], *shown_warnings(warnings)], has_ended)
         names = [row.name for row in rows if row.verdict == "fail" and not row.is_metric]
         failed.text, failed.visible = f"Not met: {'; '.join(names)}", bool(names)
         values = {row.name: row.value for row in rows if row.value is not None}
         title = console.source.title if console.source is not None else ""
-        console.latest_metrics = replace(console.latest_metrics, values=values, title=title)
+        console.latest_metrics = replace(console.latest_metrics, values=values, title=title, folder=live.state.folder)
         column.clear()
         with column:
             metric_table([row for row in counted if row.is_metric], before)
@@ -140,7 +148,13 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
 def not_reached(row: Row) -> Row:
     """Return a row of a session that is over: what was still to come was not reached."""
     is_open = row.verdict == WAITING or (row.is_metric and row.metric is not None and row.value is None)
-    return replace(row, verdict=NOT_JUDGED, detail="not reached") if is_open else row
+    verdict = NOT_JUDGED if row.verdict == WAITING else row.verdict
+    return replace(row, verdict=verdict, detail="not reached") if is_open else row
+
+
+def shown_warnings(rows: Iterable[Row]) -> list[Row]:
+    """Return the warnings that were shown: these count as requirements that are not met."""
+    return [row for row in rows if row.verdict == "fail"]
 
 
 def named_warning(row: Row) -> Row:
@@ -151,7 +165,7 @@ def named_warning(row: Row) -> Row:
 def metric_table(rows: list[Row], before: RunMetrics) -> None:
     """Create a table of metrics: now, in the run before, and their reference; each row in one unit with equal decimals."""
     columns = ["now", "before", "reference"]
-    texts = [(row, metric_texts(row, before.values.get(row.name))) for row in rows]
+    texts = [(row, metric_texts(row, before.values.get(row.name) if row.is_final else None)) for row in rows]
     shown = [k for k in range(3) if k == 0 or any(cells[k] for _, cells in texts)]
     if not rows:
         return
@@ -167,8 +181,12 @@ def metric_table(rows: list[Row], before: RunMetrics) -> None:
         short = row.name.partition(";")[0].partition(" (")[0] + unit
         lines.append(f"<tr><td title='{html.escape(row.name)}'>{html.escape(short)}</td>{''.join(numbers)}</tr>")
     ui.html(f'<table class="twin-metrics">{"".join(lines)}</table>', sanitize=False).classes("full-width")
-    if 1 in shown:
-        ui.label(f"before: {before.title}").classes("twin-soft twin-line")
+    if 1 in shown or before.folder:
+        with ui.row().classes("gap-2"):
+            ui.label(f"before: {before.title}").classes("twin-soft twin-line")
+            if before.folder:
+                ui.link("replay and signals", "/signals?before", new_tab=True)
+                ui.link("report", "/report?before", new_tab=True)
 
 
 def metric_texts(row: Row, before: float | None) -> list[str]:
@@ -207,6 +225,20 @@ class SessionResult:
     early: str = ""
 
 
+def read_summary(live: LiveSession) -> dict[str, Any]:
+    """Return the summary in the folder of a session that is over; empty if there is none."""
+    file = Path(live.state.folder) / "summary.json"
+    summary = json.loads(file.read_text(encoding="utf-8")) if live.state.folder and file.is_file() else {}
+    return dict(summary)
+
+
+def report_words(summary: Mapping[str, Any]) -> str:
+    """Return the result of all requirements in the words of the report; empty without a summary."""
+    if "expectations" not in summary:
+        return ""
+    return requirements_text(*count_verdicts(summary), *count_not_judged(summary))
+
+
 def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> SessionResult:
     """Return the result of a session: that of its folder, or that of the rows so far where no folder was written."""
     judged = rows = verdicts.rows() if verdicts is not None else []
@@ -217,8 +249,7 @@ def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> Sessi
         rows = [targets.target_row(score, live.catalog), *rows]
         is_complete, end = len(score.reached) == len(live.catalog.targets["points"]), score.end
     warnings = warning_rows(live, end)
-    file = Path(live.state.folder) / "summary.json"
-    summary = json.loads(file.read_text(encoding="utf-8")) if live.state.folder and file.is_file() else {}
+    summary = read_summary(live)
     early = str(summary["reason"]) if summary.get("status") == "interrupted" else ""
     is_open = bool(early) or any(row.verdict == WAITING and not row.is_metric for row in rows)
     operation = summary.get("operation", {})
@@ -226,9 +257,7 @@ def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> Sessi
         [row.verdict for row in (*judged, *warnings)], is_complete, not is_open
     )
     words = operation.get("targets", {}).get("detail", words)
-    if not words and "expectations" in summary:  # the words of the report
-        words = requirements_text(*count_verdicts(summary), *count_not_judged(summary))
-    words = words or headline([*rows, *warnings], True)
+    words = words or report_words(summary) or headline([*rows, *shown_warnings(warnings)], True)
     return SessionResult(kind, words, tuple(rows), tuple(warnings), early)
 
 
@@ -237,7 +266,7 @@ def result_card(result: SessionResult, before: RunMetrics) -> None:
     with ui.column().classes("twin-result full-width gap-1").mark("result"):
         with ui.row().classes("items-center gap-2"):
             color = {"failed": "twin-bad", "passed": "twin-good"}.get(result.kind, "twin-warn")
-            ui.label(result.kind.capitalize()).classes(f"twin-state {color}")
+            ui.label((result.kind or NOT_JUDGED).capitalize()).classes(f"twin-state {color}")
             ui.label(result.score).classes("twin-h")
         if result.early:
             ui.label(result.early)
@@ -267,6 +296,8 @@ def banner(context: PageContext) -> None:
 
     async def update() -> None:
         state = live.state
+        if live is not context.console.live or over.is_deleted:  # another session: the page is built anew
+            return
         reached = context.console.has_ended and state.phase not in OVER
         score, goes_on = context.score, state.phase in ("running", "paused")
         complete = goes_on and score is not None and len(score.reached) == len(catalog.targets["points"])
@@ -280,11 +311,16 @@ def banner(context: PageContext) -> None:
         shown[0] = kind
         over.clear()
         with over:
-            fill(context, kind)
-        if kind in OVER or kind == "targets":
+            card = ui.element("div").classes("full-width")
+            card.visible = False
+            if kind:
+                fill(context, live, catalog, kind)
+        if kind:
+            await asyncio.sleep(ROWS_DELAY if kind == "reached" else 0.0)
             result = await nicegui_run.io_bound(session_result, live, context.verdicts)
-            if result is not None and result.kind and shown[0] == kind and not over.is_deleted:
-                with over:
+            if result is not None and (result.kind or result.requirements) and shown[0] == kind and not over.is_deleted:
+                card.visible = True
+                with card:
                     passes = kind not in OVER and result.kind != "failed"
                     before = context.console.metrics_before((id(live), state.epoch))
                     result_card(replace(result, kind="passed") if passes else result, before)
@@ -293,41 +329,38 @@ def banner(context: PageContext) -> None:
     ui.timer(0.2, update)
 
 
-def fill(context: PageContext, kind: str) -> None:
+def fill(context: PageContext, live: LiveSession, catalog: Catalog, kind: str) -> None:
     """Fill the summary: what has ended, and what can be done next."""
-    console, live, catalog = context.console, context.console.live, context.console.catalog
-    assert live is not None
-    assert catalog is not None
-    state = live.state
+    console, state = context.console, live.state
     texts = {
-        "stopped": "The session is over.",
+        "stopped": f"{'Completed' if 0.0 < catalog.stop <= state.time else 'Ended'} at {state.time:g} s.",
         "failed": f"Failed: {state.message}",
         "reached": f"The scenario has reached its end, {state.time:g} s. Run continues beyond it.",
     }
     if kind in texts:  # the targets are in the card
         ui.label(texts[kind]).classes("twin-h")
 
-    def button(text: str, action: Callable[..., Any], *arguments: Any) -> None:
+    def button(text: str, action: Callable[..., Any], *arguments: Any, is_next: bool = False) -> None:
         async def press_once() -> None:
             made.disable()  # a second click of a double click would reach the next session
             if not await context.run(action, *arguments) and not made.is_deleted:
                 made.enable()
 
-        made = ui.button(text, on_click=press_once).props("dense no-caps outline")
+        look = "unelevated color=primary" if is_next else "outline"
+        made = ui.button(text, on_click=press_once).props(f"dense no-caps {look}")
 
     again = "again" if catalog.controls else "again: change and compare"
-    if kind == "reached":
-        button(again, console.reset)
-    elif kind == "targets":
-        button("end: replay and report", console.stop)
+    if kind in ("reached", "targets"):
+        button("end: replay and report", console.stop, is_next=True)
         button(again, console.reset)
     elif kind:
         if state.folder:
             ui.link("replay and signals in the viewer", "/signals", new_tab=True)
             if (Path(state.folder) / REPORT).is_file():
                 ui.link("report", "/report", new_tab=True)
-            ui.label(f"Results: {state.folder}").classes("twin-soft twin-line")
         button(again, console.restart, console.variant)
         if live.changed_values:
             button("again with nominal values", console.restart, console.variant, True)
         button("another scenario", console.leave)
+        if state.folder:
+            ui.label(f"Results: {state.folder}").classes("twin-soft twin-line")

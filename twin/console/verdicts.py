@@ -34,6 +34,7 @@ class Row:
     value: float | None = None  # of a metric [SI]
     reference: float | None = None  # of this variant [SI]
     is_targets: bool = False
+    is_final: bool = True  # whether the window of a metric has ended
 
 
 class SessionVerdicts:
@@ -138,7 +139,8 @@ def metric_row(result: MetricResult, is_final: bool) -> Row:
     verdict = {"pass": "pass", "fail": "fail" if is_final else WAITING, "none": "fail" if is_final else METRIC}
     detail = f"{metric.shown(result.mean, result.scale)}{reference}"
     name = metric_name(metric)
-    return Row(verdict.get(result.verdict, METRIC), name, detail, True, metric, result.mean, result.paper)
+    verdict_now = verdict.get(result.verdict, METRIC)
+    return Row(verdict_now, name, detail, True, metric, result.mean, result.paper, is_final=is_final)
 
 
 def warning_rows(live: LiveSession, end: float = math.inf) -> list[Row]:

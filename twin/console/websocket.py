@@ -201,10 +201,14 @@ def tick_message(console: Host, client: str, tick: int, messages: PageMessages) 
     if live is None:
         return json.dumps({**page, "phase": "", "held": held})
     state, values = live.state, dict[str, Any]()
+    instant = state.time
     messages.begin_run(live, state.epoch)
     if messages.watched:
         with suppress(TwinError, OSError):  # a run whose files are closed or removed
-            for name, value in live.latest(messages.watched).values.items():
+            rows = live.latest(messages.watched)
+            if state.phase == "running" and len(rows.time):
+                instant = float(rows.time[-1])  # of picture and charts, which show recorded rows
+            for name, value in rows.values.items():
                 if len(value) and messages.shown.get(name) != (present := value[-1].tobytes()):
                     factor, offset = messages.scales[name]
                     messages.shown[name] = present
@@ -217,7 +221,7 @@ def tick_message(console: Host, client: str, tick: int, messages: PageMessages) 
             **page,
             "run": messages.runs,
             "phase": state.phase,
-            "time": state.time,
+            "time": instant,
             "rate": number(state.rate),
             "achieved": number(state.achieved),
             "lag": state.lag,

@@ -71,7 +71,8 @@ def is_study_file(path: Path) -> bool:
 class Overview:
     """What a list shows of a scenario. `duration`: its stop time as written, also in a file that it extends.
 
-    `variant`: the one for an operator, None if there is none. `variants`: their number.
+    `variant`: the one for an operator, None if there is none. `variants`: their number. `details`: description, names and
+    titles of variants, for a search.
     """
 
     title: str
@@ -80,6 +81,7 @@ class Overview:
     has_controls: bool = False
     variant: str | None = None
     variants: int = 1
+    details: str = ""
 
 
 def overview(path: Path) -> Overview:
@@ -96,7 +98,11 @@ def overview(path: Path) -> Overview:
     duration = f"{stop} s" if stop.replace(".", "").isdigit() else stop
     has_controls = isinstance(console.value, list) or "controls" in console.entries
     variant = OPERATOR_VARIANT if has_controls and OPERATOR_VARIANT in root.get("variants").entries else None
-    return Overview(title or description, topic, duration, has_controls, variant, max(len(variants.entries), 1))
+    titles = (str(node.get("title").value or "") for node in variants.entries.values())
+    details = " ".join((description, *variants.entries, *titles))
+    return Overview(
+        title or description, topic, duration, has_controls, variant, max(len(variants.entries), 1), details
+    )
 
 
 def _inherited(path: Path, root: Node, key: str) -> Node:
