@@ -76,11 +76,15 @@ class Panel:
 
 @dataclass(frozen=True)
 class RunMetrics:
-    """Metrics of a run [SI] by name. `run`: its identity; `title`: variant, whether values were changed by hand, time of day."""
+    """Metrics of a run [SI] by name. `run`: its identity; `title`: variant, whether values were changed by hand, time of day.
+
+    `source`: scenario with the hash of its file.
+    """
 
     run: Any = None
     values: Mapping[str, float] = field(default_factory=dict)
     title: str = ""
+    source: tuple[Path, int] | None = None
 
 
 @dataclass
@@ -198,11 +202,14 @@ class Host:
         return "STOP" if self.live.catalog is not None and self.live.catalog.controls else "End"
 
     def metrics_before(self, run: Any) -> RunMetrics:
-        """Return the metrics of the run before this one; `run`: identity of this one."""
+        """Return the metrics of the run of the same scenario before this one; `run`: identity of this one."""
         if self.latest_metrics.run != run:
             self._metrics_before = self.latest_metrics if self.latest_metrics.values else self._metrics_before
-            self.latest_metrics = RunMetrics(run)
-        return self._metrics_before
+            path = self.scenario
+            source = (path, hash(path.read_bytes())) if path is not None and path.is_file() else None
+            self.latest_metrics = RunMetrics(run, source=source)
+        before = self._metrics_before
+        return before if before.source == self.latest_metrics.source else RunMetrics()
 
     def leave(self) -> None:
         """Return to the list of scenarios. TwinError if a session is running."""
