@@ -63,12 +63,16 @@ def pixels(page):
 def test_the_first_view_shows_all_and_a_new_width_keeps_a_turned_one(page, served):
     """A scene with a height of its own centered its first point, and cut the line that leads to it."""
     drawn(page, served)
-    page.evaluate(
-        f"""{PICTURE}.fixed.size = 90; Object.assign({PICTURE}.fixed, {{ tube: null }});
-          {PICTURE}.frame.lines = [[[0, 0, 0], [0, 0, 270]]]; {PICTURE}.frame.points = [[0, 0, 270]]; {PICTURE}.reset()"""
+    ends = page.evaluate(
+        f"""() => {{
+          const picture = {PICTURE}, ends = [[0, 0, 0], [0, 0, 270]];
+          Object.assign(picture.fixed, {{ size: 90, tube: null }});
+          Object.assign(picture.frame, {{ lines: [ends], points: [ends[1]] }});
+          picture.reset();
+          return ends.map((point) => picture.camera.position.clone().set(...point).project(picture.camera)).flatMap(({{ x, y }}) => [x, y]);
+        }}"""
     )
-    ends = f"""{PICTURE}.frame.lines[0].map((point) => {PICTURE}.camera.position.clone().set(...point).project({PICTURE}.camera)).flatMap(({{ x, y }}) => [x, y])"""
-    assert all(abs(part) < 1.0 for part in page.evaluate(ends))
+    assert all(abs(part) < 1.0 for part in ends)
     page.get_by_role("button", name="zoom in").click()
     zoom = page.evaluate(f"{PICTURE}.camera.zoom")
     page.set_viewport_size({"width": 1000, "height": 800})
