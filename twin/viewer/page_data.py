@@ -147,15 +147,9 @@ def events(viewed: OpenRun) -> list[dict[str, Any]]:
         return following.events(viewed)
     rows = event_rows(scenario.variants, viewed.summary.get("conditions", ()))
     marks = merge_repeated(name_controls([row.annotation for row in rows], viewed, scenario))
-    return sorted([*marks, *reached_targets(viewed)], key=lambda mark: mark["time"])
-
-
-def reached_targets(viewed: OpenRun) -> list[dict[str, Any]]:
-    """Return when the targets of an operator's session were reached."""
-    return [
-        {"time": time, "name": f"{name} reached", "variants": [], "first": True}
-        for name, time in reached_times(viewed.summary.get("operation", {})).items()
-    ]
+    times = reached_times(viewed.summary.get("operation", {}))
+    reached = [{"time": at, "name": f"{name} reached", "variants": [], "first": True} for name, at in times.items()]
+    return sorted([*marks, *reached], key=lambda mark: mark["time"])
 
 
 def name_controls(marks: Iterable[EventLine], viewed: OpenRun, scenario: ScenarioSpec) -> Iterator[EventLine]:
