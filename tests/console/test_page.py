@@ -212,6 +212,34 @@ def test_a_rig_without_a_sheath_counts_from_the_entry(page):
     assert texts == [["123.2 mm from the entry"], ["103.2 mm from the start"]]
 
 
+def test_a_replay_shows_reached_targets_from_their_time(page):
+    classes = page.evaluate(
+        """async () => {
+          const { drawViews } = await import("/web/views.js");
+          const part = { kind: "fluoroscope", signals: { vessel: "vessel" }, sizes: {} }, place = document.body.appendChild(document.createElement("div"));
+          const target = { name: "arch", at: [0.005, 0.05], tolerance: 0.005, time: 3.5 };
+          const move = drawViews(place, [{ view: "vessel", parts: [part], targets: [target, { ...target, name: "end", time: undefined }], limits: {} }]);
+          const vessel = [[0, 0], [0, 0.1], [0.01, 0.1], [0.01, 0]];
+          const seen = [3.4, 3.5].map((time) => { move({ vessel }, [], time); return [...place.querySelectorAll("circle.target")].map((one) => one.getAttribute("class")); });
+          place.remove();
+          return seen;
+        }"""
+    )
+    assert classes == [["target", "target"], ["target reached", "target"]]
+
+
+def test_a_live_chart_keeps_the_limit_of_a_warning_while_it_is_exceeded(page):
+    ranges = page.evaluate(
+        """async () => {
+          const { verticalRange } = await import("/web/painter.js");
+          const range = (y) => verticalRange({ follow: true }, { limits: [{ y: 2, failed: true, warns: true }] }, [{ x: [0, 1], y }], 0, 1);
+          return [range([4.7, 5.1])[0], range([0.1, 0.11])[1]];
+        }"""
+    )
+    assert ranges[0] <= 2.0  # exceeded
+    assert ranges[1] < 1.0  # far away it would flatten the curve
+
+
 def test_keys_move_a_control_after_a_choice_in_a_list(page):
     """The list keeps the focus; the arrow keys changed it instead. While it is open they choose."""
     page.keyboard.down("ArrowUp")

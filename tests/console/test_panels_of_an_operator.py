@@ -434,11 +434,12 @@ def test_the_score_follows_the_signal(setting):
     marked, rows = [], SimpleNamespace(time=np.array([0.0, 1.0, 2.0]), values={"a.tip[1]": [0.0, 1.0, 2.0]})
     with one.page:
         targets.panel(one.context, SimpleNamespace(show_reached=marked.append))
-    assert one.page.shown() == ["Tip: 0 of 2 targets, next: A; time starts with your first command"]
+    wide = "Tip: 0 of 2 targets, next: A; time starts with your first command"
+    assert one.page.shown() == [wide, "0/2 targets, next: A"]
     one.live.values["read"] = lambda names: rows if names == ["a.tip[1]"] else None
     one.page.tick()
     line = "Tip: 1 of 2 targets, next: B; 2.0 s, path length 2000 mm"
-    short = "1/2 targets, 2 s, 2000 mm"  # of a narrow page
+    short = "1/2 targets, next: B; 2 s, 2000 mm"  # of a narrow page
     assert (one.page.shown(), marked) == ([line, short], [["A"]])
 
     def refuse(_):

@@ -311,7 +311,7 @@ def test_requirements_are_judged_once_rows_are_there(setting):
     one, judged = setting(), [[]]
     verdicts = SimpleNamespace(
         live=one.live,
-        rows=lambda: judged[0],
+        rows=lambda *_: judged[0],
         catalog=SimpleNamespace(start=0.0, judged_until=0.0, targets={}, controls=()),
     )
     one.state.epoch = 0
@@ -374,7 +374,7 @@ def test_a_page_that_is_built_anew_while_it_judges_uses_no_deleted_element(setti
     one, warned = setting(), []
     monkeypatch.setattr("nicegui.helpers.warn_once", lambda text, **_: warned.append(text))
 
-    def rows():
+    def rows(*_):
         one.page.client.layout.clear()
         return [Row("pass", "near", "3 mm")]
 
@@ -518,7 +518,7 @@ def test_the_result_of_a_session_counts_safety(setting, force, bent, goal, verdi
         time=np.array([0.0, 0.5, 1.0]), values={name: values[name] for name in names}
     )
     one.context.verdicts = SimpleNamespace(
-        rows=lambda: [Row(verdict, "behind", "-45 mm"), Row("", "mean", "1 N", True)]
+        rows=lambda *_: [Row(verdict, "behind", "-45 mm"), Row("", "mean", "1 N", True)]
     )
     with one.page:
         summary.banner(one.context)
@@ -549,7 +549,7 @@ def test_a_warning_that_was_not_shown_is_no_requirement(setting):
     catalog = SimpleNamespace(start=0.0, judged_until=0.0, targets={}, controls=())
     one.live.values["changes"][one.state.epoch] = {"wall.stiffness": 0.0}
     with one.page:
-        summary.judged(one.console, SimpleNamespace(live=one.live, rows=lambda: rows, catalog=catalog), ui.label())
+        summary.judged(one.console, SimpleNamespace(live=one.live, rows=lambda *_: rows, catalog=catalog), ui.label())
     one.page.tick()
     assert {"1 of 1 requirements met, 1 not judged", "No warning: high force"} <= set(one.page.shown())
     assert one.console.latest_metrics.values == {"mean": 1.0}
@@ -570,7 +570,15 @@ def test_warnings_count_until_the_last_target(setting):
     assert [row.detail for row in warning_rows(one.live, end)] == [detail]
     one.state.phase = "stopped"
     (row,) = summary.session_result(one.live, None).warnings
-    assert row.detail == f"{detail}; afterwards for 1.0 s, largest 4.9 N"
+    later = "after the last target, 1 s, not judged: for 1.0 s, largest 4.9 N"
+    assert (row.verdict, row.detail, row.is_warned) == ("fail", f"{detail}; {later}", False)
+    values["wall.force"][1] = 1.0  # then it is no failure, and amber on the card
+    result = summary.session_result(one.live, None)
+    (row,) = result.warnings
+    assert (row.verdict, row.detail, row.is_warned) == ("pass", f"never; largest 1 N, limit 2 N; {later}", True)
+    with one.page:
+        summary.result_card(result, one.console.latest_metrics)
+    assert {"Passed", "Warning: high force", row.detail} <= set(one.page.shown())
 
 
 def test_the_last_target_is_announced_and_a_session_that_ended_early_has_not_passed(setting, tmp_path):
@@ -590,7 +598,9 @@ def test_the_last_target_is_announced_and_a_session_that_ended_early_has_not_pas
     one.page.tick()
     assert one.page.shown() == []  # it would move the joystick under the pointer
     one.state.held = {}
-    one.context.verdicts = SimpleNamespace(rows=lambda: [Row("fail", "behind", "-45 mm"), Row("waiting", "late", "")])
+    one.context.verdicts = SimpleNamespace(
+        rows=lambda *_: [Row("fail", "behind", "-45 mm"), Row("waiting", "late", "")]
+    )
     one.page.tick()
     score = "All 1 targets reached in 1.0 s, path length 10 mm"
     assert one.page.shown() == [
@@ -604,7 +614,7 @@ def test_the_last_target_is_announced_and_a_session_that_ended_early_has_not_pas
     reason = "a, seed 1: ended early, at 1 s: the operator ended it before the end of the scenario, 10 s."
     (tmp_path / "summary.json").write_text(json.dumps({"status": "interrupted", "reason": reason}))
     (tmp_path / "report.html").touch()
-    one.context.verdicts = SimpleNamespace(rows=lambda: [Row("pass", "near", "3 mm")])
+    one.context.verdicts = SimpleNamespace(rows=lambda *_: [Row("pass", "near", "3 mm")])
     one.state.phase, one.state.folder = "stopped", str(tmp_path)
     one.page.tick()
     shown = one.page.shown()
@@ -620,7 +630,7 @@ def test_the_result_counts_what_the_list_counts(setting):
         Row("fail", "error", "9 mN; reference 5 mN", True),
         Row("", "mean", "1 N", True),
     ]
-    one.context.verdicts = SimpleNamespace(rows=lambda: rows)
+    one.context.verdicts = SimpleNamespace(rows=lambda *_: rows)
     one.state.phase = "stopped"
     with one.page:
         summary.banner(one.context)

@@ -60,6 +60,26 @@ def pixels(page):
     return np.asarray(Image.open(io.BytesIO(page.locator(".twin-space canvas").screenshot())).convert("RGB"), int)
 
 
+def test_the_first_view_shows_all_and_a_new_width_keeps_a_turned_one(page, served):
+    """A scene with a height of its own centered its first point, and cut the line that leads to it."""
+    drawn(page, served)
+    ends = page.evaluate(
+        f"""() => {{
+          const picture = {PICTURE}, ends = [[0, 0, 0], [0, 0, 270]];
+          Object.assign(picture.fixed, {{ size: 90, tube: null }});
+          Object.assign(picture.frame, {{ lines: [ends], points: [ends[1]] }});
+          picture.reset();
+          return ends.map((point) => picture.camera.position.clone().set(...point).project(picture.camera)).flatMap(({{ x, y }}) => [x, y]);
+        }}"""
+    )
+    assert all(abs(part) < 1.0 for part in ends)
+    page.get_by_role("button", name="zoom in").click()
+    zoom = page.evaluate(f"{PICTURE}.camera.zoom")
+    page.set_viewport_size({"width": 1000, "height": 800})
+    page.wait_for_function(f"{PICTURE}.camera.right < 400")
+    assert page.evaluate(f"{PICTURE}.camera.zoom") == zoom
+
+
 def test_it_draws_moves_turns_and_keeps_its_memory(page, served):
     wrong = []
     page.on("pageerror", lambda error: wrong.append(str(error)))
@@ -99,6 +119,47 @@ def test_it_draws_moves_turns_and_keeps_its_memory(page, served):
     page.wait_for_selector(".twin-space", state="detached")
     assert page.locator(".twin-view").first.is_visible()
     assert wrong == []
+
+
+@pytest.mark.parametrize("size", [(360, 780), (900, 800), (1400, 900)])
+def test_no_control_moves_under_the_pointer(served, browser, size):
+    """While it is held, when it is released, and while a warning is shown."""
+    context = browser.new_context(viewport={"width": size[0], "height": size[1]}, has_touch=size[0] == 360)
+    page = context.new_page()
+    page.set_default_timeout(60_000)
+    page.goto(served.address, wait_until="commit")
+    page.wait_for_selector(".twin-control")
+    page.wait_for_function("/operate|watch|no operator/.test(document.querySelector('.twin-role').textContent)")
+    page.wait_for_timeout(1000)
+    if (take := page.get_by_role("button", name="operate here")).is_visible():
+        take.click()
+    page.wait_for_function("!document.querySelector('.twin-control .way').disabled")
+    if (run := page.get_by_label("run", exact=True)).is_visible():
+        run.click()
+    page.wait_for_function("document.querySelector('#twin-how').textContent.startsWith('running')")
+    page.wait_for_timeout(1000)
+    tops = """[...document.querySelectorAll('.twin-control .way, .twin-stick svg')].map((one) => one.getBoundingClientRect().top + scrollY)"""
+    before, seen = page.evaluate(tops), []
+    button = page.get_by_role("button", name="guidewire", exact=True)
+    button.scroll_into_view_if_needed()
+    box = button.bounding_box()
+    page.mouse.move(box["x"] + 10, box["y"] + 10)
+    page.mouse.down()
+    for _ in range(8):
+        page.wait_for_timeout(250)
+        seen.append(page.evaluate(tops))
+    page.mouse.up()
+    page.wait_for_timeout(700)
+    seen.append(page.evaluate(tops))
+    page.evaluate(  # a warning, as the loop would send it
+        """async () => { const { channel } = await import('/console/channel.js');
+          for (const one of channel.listeners) one({ values: { ...channel.values, 'friction.wall_force': 5 }, held: {}, phase: 'running', time: 1, operator: true }); }"""
+    )
+    seen.append(page.evaluate(tops))
+    page.wait_for_timeout(700)
+    seen.append(page.evaluate(tops))
+    assert all(each == pytest.approx(before, abs=0.5) for each in seen)
+    context.close()
 
 
 def test_without_webgl_the_other_picture_stays(page, served):

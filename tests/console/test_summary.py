@@ -2,6 +2,7 @@
 
 import json
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -150,6 +151,20 @@ def test_metrics_of_the_run_before_stand_beside_those_of_this_one():
     assert host.metrics_before("third").values == {"error": 3e-3}  # the second had none yet
     host.leave()
     assert host.metrics_before("fourth").values == {}
+
+
+def test_metrics_of_another_scenario_or_file_are_not_those_before(tmp_path):
+    host = Host()
+    for text, other in (("a", "a"), ("a", "b"), ("b", "c")):
+        host.scenario = tmp_path / text
+        host.scenario.write_text(text)
+        host.metrics_before(object())
+        host.latest_metrics = replace(host.latest_metrics, values={"error": 3e-3})
+        (tmp_path / text).write_text(other)
+        assert host.metrics_before(object()).values == ({"error": 3e-3} if text == other else {})
+    host.latest_metrics = replace(host.latest_metrics, values={"error": 3e-3})
+    host.scenario = tmp_path / "a"
+    assert host.metrics_before(object()).values == {}
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """Targets of an operator: their score, and what a scenario may say of them and of warnings."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from tests.every_case import every_case
 pytest.importorskip("nicegui")
 
 from twin.component import catalog as components
+from twin.console.targets import short_text
 from twin.console.websocket import plain
 from twin.errors import ScenarioError
 from twin.results import Signals
@@ -108,6 +110,40 @@ def test_an_operator_has_to_reach_all_targets_without_a_warning():
     assert operation_text(operation) == f"{score_line}; high force {shown.replace(';', ',')}"
 
 
+def test_a_warning_of_a_difference_and_the_times_of_a_replay():
+    """The catheter ahead of the wire has a limit of zero; after the last target nothing is judged."""
+    from twin.run.operator_result import operator_requirements, operator_result
+    from twin.run.recorded_views import reached_times
+
+    scenario, _ = lint(SCENARIOS / "vessel_teleoperation.yaml")
+    case = scenario.variants[0]
+    catalog = resolve_catalogs(scenario)[case.variant]
+    time, zero = np.linspace(0.0, 10.0, 11), np.zeros(11)
+    points = list(resolve_targets(scenario.console_targets, catalog)["points"].values())
+    tip = np.array([(0.0, 0.0), *(points + points[-1:] * 6)])
+    values = {name: zero for warning in scenario.console_warnings for name in warning.signals}
+    values |= {control.input.partition("[")[0]: np.ones((11, 2)) for control in scenario.console}
+    values |= {"fluoroscope.catheter_tip": tip, "fluoroscope.catheter_location": np.where(time > 5.0, 0.1, 0.0)}
+    operation = operator_result(scenario, case, catalog, Signals(time, values))
+    assert reached_times(operation)["iliac artery"] == 1.0
+    assert max(reached_times(operation).values()) == 4.0
+    ahead = next(each for each in operation["warnings"] if "ahead" in each["text"])
+    assert ahead["signal"] == "fluoroscope.catheter_location - fluoroscope.wire_location"
+    assert (ahead["duration"], ahead["end"]) == (0.0, 4.0)
+    assert ahead["detail"] + ahead["afterwards"] == "never; after the last target, 4 s, not judged: for 5.0 s"
+    assert not any("ahead" in each.name for each in operator_requirements(operation))  # shown, but not judged
+
+
+def test_a_narrow_page_has_the_next_target():
+    catalog = SimpleNamespace(
+        targets=TARGETS | {"hint": "wire first"},
+        signals={"tip.position": SimpleNamespace(factor=1e3, display_unit="mm")},
+        scenes=(),
+    )
+    assert short_text(Score({}), catalog) == "0/2 targets, next: near; wire first"
+    assert short_text(Score({"near": 2.0}, 0.5, 3.0), catalog) == "1/2 targets, next: far; 3 s, 500 mm"
+
+
 def test_units():
     scenario = parse_scenario(
         f"{HEAD}{{targets: {{signal: heart.position, tolerance: 1 mm, points: {{systole: 8 mm}}, hint: hold still}}, "
@@ -145,6 +181,10 @@ def test_units():
         ),
         ("targets: {signal: heart.place, tolerance: 1 mm, points: {a: 1 mm}}", "heart has no variable `place`."),
         ("targets: {signal: heart.position, tolerance: 1 N, points: {a: 1 mm}}", "`1 N` does not convert to m."),
+        (
+            "warnings: [{signal: wall.force, minus: heart.position, above: 1 N, text: high}]",
+            "heart.position: is in m. It is subtracted from a value in N.",
+        ),
         ("warnings: [{signal: wall.force, above: 1 mm, text: high}]", "`1 mm` does not convert to N."),
     ],
 )

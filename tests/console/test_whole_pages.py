@@ -244,7 +244,7 @@ def test_the_viewer_of_a_session_that_is_over(monkeypatch, tmp_path, phase, fold
 
     monkeypatch.setattr(summary, "view_page", view_page)
     call, methods = routes["/signals"]
-    found = asyncio.run(call(None))
+    found = asyncio.run(call(SimpleNamespace(query_params={})))
     text = Path(found.path).read_text() if found.status_code == 200 else bytes(found.body).decode()
     assert (found.status_code, text, methods) == (answer[0], answer[1], ["GET"])
 

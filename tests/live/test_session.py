@@ -388,7 +388,7 @@ def test_what_commands_do():
     assert (session.ending, session.again, session.running) == (True, True, False)
     for phase, drives, controls, expected in (
         ("running", None, (), [("stop", "End"), "withdraw_message"]),
-        ("running", None, ("a.x",), [("stop", "STOP"), "withdraw_message"]),
+        ("running", None, ("a.x",), [("stop", "End"), "withdraw_message"]),
         ("ended", "drives", (), [("stop", "STOP")]),  # the message says why it has ended
     ):
         session = fake_session(phase=phase, drives=drives, session_scenario=SimpleNamespace(console=controls))
@@ -429,13 +429,17 @@ def test_a_hold_with_drives_is_short(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("pause", "cause"), [(0.0, "nothing came from the page in time"), (9.0, "this computer was busy for 90")]
+    ("pause", "cause"), [(0.0, "nothing came from the page for 620 ms"), (9.0, "this computer was busy for 9000 ms")]
 )
-def test_a_hold_that_expires_is_an_executed_command(pause, cause):
+def test_a_hold_that_expires_is_an_executed_command(monkeypatch, pause, cause):
     """Before the input goes to its rest value, so that the list says why; the message says which of two causes it was."""
     done, said = [], []
+    monkeypatch.setattr(wall, "monotonic", lambda: 100.0)
     dead_man = SimpleNamespace(
-        longest=0.14, expire=lambda now: ["a.x"], inputs={"a.x": SimpleNamespace(value=0.0, moves=False)}
+        deadline=99.52,
+        longest=0.14,
+        expire=lambda now: ["a.x"],
+        inputs={"a.x": SimpleNamespace(value=0.0, moves=False)},
     )
     executor = SimpleNamespace(
         controls={}, add_done=lambda time, kind, text, *_, **__: done.append((time, kind, text)), start=lambda name: 0.0
@@ -452,7 +456,7 @@ def test_a_hold_that_expires_is_an_executed_command(pause, cause):
         _last_update=wall.monotonic() - pause,
     )
     Session.update_held_inputs(session)
-    assert done == [(5_000, EXPIRED, "a.x"), (5_000, "set", "a.x")]
+    assert done == [(5_000, EXPIRED, f"a.x: {cause}"), (5_000, "set", "a.x")]
     (text,) = said
     assert text.startswith(f"a.x: at rest, not renewed for 140 ms: {cause}")
     assert text.endswith(". Release and press again.")

@@ -108,7 +108,7 @@ plots: [{title: Force on the wall, signals: [{signal: sensor.force, label: both}
 """)
     summary = json.loads((place / "summary.json").read_text())
     warning = {"text": "high", "signal": FORCE.name, "unit": "N", "limit": 2.0, "duration": 2.0}
-    summary["operation"] = {"targets": {"reached": {"arch": 2.5}, "missed": []}, "warnings": [warning]}
+    summary["operation"] = {"targets": {"begin": 1.0, "reached": {"arch": 2.5}, "missed": []}, "warnings": [warning]}
     names = {"All 1 targets reached": "pass", "No warning: high": "fail"}
     summary["expectations"] = [{"name": name, "verdict": own, "detail": ""} for name, own in names.items()]
     (place / "summary.json").write_text(json.dumps(summary))
@@ -121,6 +121,11 @@ plots: [{title: Force on the wall, signals: [{signal: sensor.force, label: both}
     failed, reached = content["expectations"]
     assert (reached["signal"], failed["signal"], failed["low"], failed["high"]) == ("", FORCE.name, None, 2.0)
     assert failed["spans"]["0"] == [(pytest.approx(3.34), pytest.approx(5.98))]
+    summary["operation"]["warnings"] = [
+        warning | {"duration": 0.0, "end": 3.0}
+    ]  # of the last target: later is not judged
+    (place / "summary.json").write_text(json.dumps(summary))
+    assert not any(each["spans"] for each in about(runs(place))["expectations"])
     assert content["plots"][0]["first"]  # its title and labels are those of the console
 
 

@@ -59,7 +59,11 @@ def first_panes(catalog: Catalog, curves: SessionCurves) -> list[web.Pane]:
 
 def warning_limits(catalog: Catalog, curves: SessionCurves, shown: list[str]) -> list[dict[str, Any]]:
     """Return the limits of the warnings of shown signals, in display units."""
-    warnings = [(curves.signals[each["signal"]], each) for each in catalog.warnings if each["signal"] in shown]
+    warnings = [
+        (curves.signals[each["signal"]], each)
+        for each in catalog.warnings
+        if each["signal"] in shown and "minus" not in each
+    ]
     edges = [(signal, each["above"]) for signal, each in warnings]
     edges += [(signal, each["below"]) for signal, each in warnings if signal.unit == "N" and "below" in each]
     return [

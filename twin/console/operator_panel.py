@@ -370,7 +370,8 @@ def condense(done: Sequence[ExecutedCommand], controls: Mapping[str, CatalogCont
     moving: dict[str, bool] = {}
     for command in done:
         name, equals, value = command.text.removeprefix("set ").partition(" = ")
-        control = controls.get(command.text if command.kind == EXPIRED else name)
+        expired, _, cause = command.text.partition(": ")
+        control = controls.get(expired if command.kind == EXPIRED else name)
         if name in companions and equals:
             continue
         if control is None or not (equals or command.kind == EXPIRED):
@@ -384,7 +385,7 @@ def condense(done: Sequence[ExecutedCommand], controls: Mapping[str, CatalogCont
                 shown = f"{given:.3g} {control.display_unit}".rstrip() if isinstance(given, float) else value
                 text = HELD if isinstance(given, bool) else f"{HELD} at {shown}"
             elif command.kind == EXPIRED:
-                text = f"{RELEASED} by the dead-man switch"
+                text = f"{RELEASED} by the dead-man switch: {cause}"
             else:
                 text = RELEASED
             condensed_commands.append(replace(command, text=f"{control.label}{text}"))

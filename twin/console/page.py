@@ -232,6 +232,8 @@ def _session(context: PageContext) -> None:
                     ui.label(NOT_OPERATED).classes("twin-state twin-warn")
                 if catalog.hardware:
                     safety.panel(context)
+            if catalog.controls:
+                summary.banner(context)
             with ui.element("div").classes("twin-card twin-panels"):
                 operator_panel.panel(context, lambda: summary.panel(context, failed))
         with ui.element("div").classes("twin-card twin-curves"):
@@ -295,7 +297,8 @@ def _bar(context: PageContext) -> None:
 
     update()
     ui.timer(REFRESH_PERIOD, update)
-    summary.banner(context)
+    if not catalog.controls:  # else below the controls, which it must not move
+        summary.banner(context)
     changes(context)
     ui.html('<span id="twin-message" role="status"></span>', sanitize=False)
 

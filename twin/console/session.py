@@ -78,13 +78,14 @@ class Panel:
 class RunMetrics:
     """Metrics of a run [SI] by name. `run`: its identity; `title`: variant, whether values were changed by hand, time of day.
 
-    `folder`: of its results.
+    `folder`: of its results. `source`: scenario with the hash of its file.
     """
 
     run: Any = None
     values: Mapping[str, float] = field(default_factory=dict)
     title: str = ""
     folder: str = ""
+    source: tuple[Path, int] | None = None
 
 
 @dataclass
@@ -202,11 +203,13 @@ class Host:
         return "STOP" if self.live.catalog is not None and self.live.catalog.controls else "End"
 
     def metrics_before(self, run: Any) -> RunMetrics:
-        """Return the metrics of the run before this one; `run`: identity of this one."""
+        """Return the metrics of the run of the same scenario before this one; `run`: identity of this one."""
         if self.latest_metrics.run != run:
             self.before = self.latest_metrics if self.latest_metrics.values else self.before
-            self.latest_metrics = RunMetrics(run)
-        return self.before
+            path = self.scenario
+            source = (path, hash(path.read_bytes())) if path is not None and path.is_file() else None
+            self.latest_metrics = RunMetrics(run, source=source)
+        return self.before if self.before.source == self.latest_metrics.source else RunMetrics()
 
     def leave(self) -> None:
         """Return to the list of scenarios. TwinError if a session is running."""

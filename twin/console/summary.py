@@ -69,8 +69,9 @@ def register(app: FastAPI, console: Host) -> None:
         return PlainTextResponse(problem, 500) if problem else FileResponse(file)
 
     async def report(request: Request) -> Response:
-        file = Path(folder(request)) / REPORT
-        return FileResponse(file) if file.is_file() else PlainTextResponse("There is no report yet.", 404)
+        name = folder(request)
+        file = Path(name) / REPORT
+        return FileResponse(file) if name and file.is_file() else PlainTextResponse("There is no report yet.", 404)
 
     app.add_route("/signals", page, methods=["GET"])
     app.add_route("/report", report, methods=["GET"])
@@ -120,12 +121,16 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
             paused_until[0] = begin + 11 * duration
         is_open = any(row.verdict == WAITING for row in rows or ())
         has_ended = live.state.phase in OVER or (live.state.time >= verdicts.catalog.judged_until and not is_open)
-        is_scored = bool(verdicts.catalog.targets)  # then warnings are in the line of the score
-        warnings = () if is_scored else await nicegui_run.io_bound(warning_rows, live) or ()
-        is_over = live.state.phase in OVER
+        is_over, is_scored = live.state.phase in OVER, bool(verdicts.catalog.targets)
+        score = await nicegui_run.io_bound(targets.session_score, live) if is_over and is_scored else None
+        is_in_score = is_scored and not is_over  # warnings are in its line; at the end all is listed, as in the report
+        end = math.inf if score is None else score.end
+        warnings = () if is_in_score else await nicegui_run.io_bound(warning_rows, live, end) or ()
         counted = [not_reached(row) if is_over else row for row in rows or ()]
+        counted += [targets.target_row(score, verdicts.catalog)] if score is not None else []
         counted += [named_warning(row) for row in warnings]
-        if (counted, has_ended, is_over) == shown[0] or not rows or total.is_deleted:  # built anew meanwhile
+        is_shown = verdicts.live is console.live and not total.is_deleted  # else the page was built anew meanwhile
+        if (counted, has_ended, is_over) == shown[0] or not rows or not is_shown:
             return
         shown[0] = (counted, has_ended, is_over)
         words = report_words(read_summary(live)) if is_over else ""
@@ -159,12 +164,12 @@ def shown_warnings(rows: Iterable[Row]) -> list[Row]:
 
 def named_warning(row: Row) -> Row:
     """Return the row of a warning with a name that says whether it was shown."""
-    return replace(row, name=f"{'Warning' if row.verdict == 'fail' else 'No warning'}: {row.name}")
+    return replace(row, name=f"{'Warning' if row.verdict == 'fail' or row.is_warned else 'No warning'}: {row.name}")
 
 
-def metric_table(rows: list[Row], before: RunMetrics) -> None:
-    """Create a table of metrics: now, in the run before, and their reference; each row in one unit with equal decimals."""
-    columns = ["now", "before", "reference"]
+def metric_table(rows: list[Row], before: RunMetrics, instant: str = "now") -> None:
+    """Create a table of metrics: at an instant, in the run before, and their reference; each row in one unit with equal decimals."""
+    columns = [instant, "before", "reference"]
     texts = [(row, metric_texts(row, before.values.get(row.name) if row.is_final else None)) for row in rows]
     shown = [k for k in range(3) if k == 0 or any(cells[k] for _, cells in texts)]
     if not rows:
@@ -203,7 +208,7 @@ def metric_texts(row: Row, before: float | None) -> list[str]:
 
 def listed(row: Row, detail: str) -> None:
     """Create a row of the list with the symbol of its verdict."""
-    icon, color = SYMBOLS.get(row.verdict, SYMBOLS[WAITING])
+    icon, color = ("warning", "twin-warn") if row.is_warned else SYMBOLS.get(row.verdict, SYMBOLS[WAITING])
     with ui.row().classes("no-wrap full-width gap-2 twin-verdict"):
         ui.icon(icon).classes(color).props(f"role=img aria-label='{row.verdict or 'metric'}'")
         with ui.column().classes("gap-0"):
@@ -241,13 +246,14 @@ def report_words(summary: Mapping[str, Any]) -> str:
 
 def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> SessionResult:
     """Return the result of a session: that of its folder, or that of the rows so far where no folder was written."""
-    judged = rows = verdicts.rows() if verdicts is not None else []
-    words, is_complete, end = "", True, math.inf
+    words, is_complete, end, rows = "", True, math.inf, list[Row]()
     if live.catalog is not None and live.catalog.targets:
         score = targets.session_score(live) or Score({})
         words = targets.session_text(score, live.catalog, True)
-        rows = [targets.target_row(score, live.catalog), *rows]
+        rows = [targets.target_row(score, live.catalog)]
         is_complete, end = len(score.reached) == len(live.catalog.targets["points"]), score.end
+    judged = verdicts.rows(math.inf if live.state.phase in OVER else end) if verdicts is not None else []
+    rows += judged
     warnings = warning_rows(live, end)
     summary = read_summary(live)
     early = str(summary["reason"]) if summary.get("status") == "interrupted" else ""
@@ -261,7 +267,7 @@ def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> Sessi
     return SessionResult(kind, words, tuple(rows), tuple(warnings), early)
 
 
-def result_card(result: SessionResult, before: RunMetrics) -> None:
+def result_card(result: SessionResult, before: RunMetrics, instant: str = "at the end") -> None:
     """Create the card: verdict, score, the most important metrics, requirements that are not met, warnings."""
     with ui.column().classes("twin-result full-width gap-1").mark("result"):
         with ui.row().classes("items-center gap-2"):
@@ -276,11 +282,11 @@ def result_card(result: SessionResult, before: RunMetrics) -> None:
                     problem = "Far from its reference: " if row.is_metric else "Not met: "
                     listed(replace(row, name=problem * (not row.is_targets) + row.name), row.detail)
             for row in map(named_warning, result.warnings):
-                if row.verdict == "fail":
+                if row.verdict == "fail" or row.is_warned:
                     listed(row, row.detail)
         metrics = [row for row in result.requirements if row.value is not None]
         compared = [row for row in metrics if row.reference is not None]
-        metric_table((compared or metrics)[:HEADLINE_METRICS], before)
+        metric_table((compared or metrics)[:HEADLINE_METRICS], before, instant)
 
 
 def banner(context: PageContext) -> None:
@@ -323,7 +329,8 @@ def banner(context: PageContext) -> None:
                 with card:
                     passes = kind not in OVER and result.kind != "failed"
                     before = context.console.metrics_before((id(live), state.epoch))
-                    result_card(replace(result, kind="passed") if passes else result, before)
+                    instant = f"at the last target, {score.end:.0f} s" if kind == "targets" and score else "at the end"
+                    result_card(replace(result, kind="passed") if passes else result, before, instant)
 
     over.visible = False
     ui.timer(0.2, update)

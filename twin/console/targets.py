@@ -57,8 +57,10 @@ def target_row(now: Score, catalog: Catalog) -> Row:
 
 def short_text(now: Score, catalog: Catalog) -> str:
     """Return a score of a session for a narrow page."""
-    count, length = len(catalog.targets["points"]), session_text(now, catalog, True).rpartition(" path length ")[2]
-    return f"{len(now.reached)}/{count} targets, {now.duration:.0f} s, {length}"
+    names, length = list(catalog.targets["points"]), session_text(now, catalog, True).rpartition(" path length ")[2]
+    left = next((f", next: {name}" for name in names if name not in now.reached), "")
+    figures = f"{now.duration:.0f} s, {length}" if now.duration else catalog.targets.get("hint", "")
+    return "; ".join(filter(None, [f"{len(now.reached)}/{len(names)} targets{left}", figures]))
 
 
 def panel(context: PageContext, picture: Pictures) -> None:
@@ -71,7 +73,7 @@ def panel(context: PageContext, picture: Pictures) -> None:
     assert catalog is not None
     with ui.element("div").classes("twin-score").props("role=status"):
         label = ui.label(session_text(Score({}), catalog)).classes("twin-wide").mark("score")
-        short = ui.label().classes("twin-narrow")
+        short = ui.label(short_text(Score({}), catalog)).classes("twin-narrow")
         past = ui.label().classes("twin-soft").mark("past")
 
     async def update() -> None:
@@ -81,7 +83,7 @@ def panel(context: PageContext, picture: Pictures) -> None:
         rows = await nicegui_run.io_bound(warning_rows, live, now.end) or []
         warned = [f"{row.name} {row.detail.replace(';', ',')}" for row in rows if row.verdict == "fail"]
         label.text, past.text = session_text(now, catalog, live.state.phase in OVER), "; ".join(warned)
-        short.text = short_text(now, catalog) if now.duration else label.text
+        short.text = short_text(now, catalog)
         picture.show_reached(list(now.reached))
 
     ui.timer(PERIOD, update)

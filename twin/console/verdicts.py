@@ -10,7 +10,7 @@ from twin import clock
 from twin.errors import TwinError
 from twin.live import OVER, RefusedError
 from twin.results import Signals, evaluate, requirements_text
-from twin.run import warning_result
+from twin.run import warning_result, warning_signals
 from twin.scenario import lint
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ class Row:
     reference: float | None = None  # of this variant [SI]
     is_targets: bool = False
     is_final: bool = True  # whether the window of a metric has ended
+    is_warned: bool = False  # shown after the last target, when it is not judged
 
 
 class SessionVerdicts:
@@ -77,15 +78,15 @@ class SessionVerdicts:
             return self._recorded(expectation.signal)
         return expectation.metric in self.metrics
 
-    def rows(self) -> list[Row]:
+    def rows(self, until: float = math.inf) -> list[Row]:
         """Judge the rows up to the end of the scenario, or of the session if an operator has controls: requirements, then metrics.
 
-        All are listed from the start, so that the list does not grow.
+        All are listed from the start, so that the list does not grow. `until`: rows up to this time alone [s].
         """
         if not self._names:
             return []
         try:
-            samples = self.live.read(self._names, None, self.catalog.judged_until)
+            samples = self.live.read(self._names, None, min(until, self.catalog.judged_until))
         except RefusedError:
             return []
         now = float(samples.time[-1]) if len(samples.time) > 1 else -math.inf  # nothing has moved yet
@@ -152,16 +153,19 @@ def warning_rows(live: LiveSession, end: float = math.inf) -> list[Row]:
     if catalog is None or not catalog.warnings:
         return []
     try:
-        samples = live.read([warning["signal"] for warning in catalog.warnings])
+        samples = live.read(list(dict.fromkeys(name for each in catalog.warnings for name in warning_signals(each))))
     except TwinError:
         return []
     rows = []
     for warning in catalog.warnings if len(samples.time) else ():
         signal = catalog.signals[warning["signal"].partition("[")[0]]
         scale = signal.display_unit, signal.factor, signal.offset
-        result = warning_result(samples.time, samples.values[warning["signal"]], warning, scale, end)
+        result = warning_result(
+            samples.time, [samples.values[name] for name in warning_signals(warning)], warning, scale, end
+        )
         detail = result["detail"] + result["afterwards"] * (live.state.phase in OVER)
-        rows.append(Row("fail" if result["duration"] else "pass", warning["text"], detail))
+        verdict, is_late = "fail" if result["duration"] else "pass", bool(result["afterwards"])
+        rows.append(Row(verdict, warning["text"], detail, is_warned=is_late and verdict == "pass"))
     return rows
 
 

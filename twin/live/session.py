@@ -280,10 +280,11 @@ class Session:
         longest, now = self.dead_man.longest, wall.monotonic()
         pause, self._last_update = now - self._last_update, now
         was_busy = pause > longest / 2
-        cause = f"this computer was busy for {pause * 1e3:.0f} ms" if was_busy else "nothing came from the page in time"
+        cause = "this computer was busy" if was_busy else "nothing came from the page"
+        cause += f" for {(pause if was_busy else now + longest - self.dead_man.deadline) * 1e3:.0f} ms"
         for name in self.dead_man.expire(now):
             self.expired_holds.add(name)
-            executor.add_done(self.simulated.time, EXPIRED, name, "", by_operator=True)
+            executor.add_done(self.simulated.time, EXPIRED, f"{name}: {cause}", "", by_operator=True)
             control = executor.controls.get(name)
             self.say(
                 f"{control.label if control else name}: at rest, not renewed for {longest * 1e3:.0f} ms: {cause}. "

@@ -26,6 +26,7 @@ from .operator_result import score as score
 from .operator_result import score_text as score_text
 from .operator_result import session_verdict as session_verdict
 from .operator_result import warning_result as warning_result
+from .operator_result import warning_signals as warning_signals
 from .options import RunCallbacks as RunCallbacks
 from .options import RunOptions as RunOptions
 from .options import StudyCase as StudyCase
@@ -42,6 +43,7 @@ from .recorded_views import describe_system as describe_system
 from .recorded_views import expectations_of as expectations_of
 from .recorded_views import member_class as member_class
 from .recorded_views import moving_signals as moving_signals
+from .recorded_views import reached_times as reached_times
 from .recorded_views import scene_data as scene_data
 from .recorded_views import start_values as start_values
 from .recorded_views import system_views as system_views

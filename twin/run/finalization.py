@@ -15,6 +15,7 @@ from twin.results import run_folder as results
 from twin.run.cases import Hardware, RunResult, add_notes
 from twin.run.conditions import OCCURRENCES, condition_notes
 from twin.run.operator_result import (
+    WARNING,
     operation_text,
     operator_requirements,
     operator_result,
@@ -80,6 +81,8 @@ def add_operation(result: RunResult, cases: Sequence[Case]) -> None:
     all_reached = not operation.get("targets", {}).get("missed")
     verdict = session_verdict(verdicts, all_reached, result.run.status == "completed")
     text = operation_text(operation)
+    shown = [warning for warning in operation.get("warnings", ()) if warning["afterwards"] and not warning["duration"]]
+    add_notes(result.run, [f"{WARNING}{warning['text']}{warning['afterwards']}" for warning in shown])
     result.run.extra = {**result.run.extra, "operation": {"verdict": verdict, "text": text, **operation}}
 
 
@@ -124,10 +127,11 @@ def write_summary_and_report(
     if with_report:
         from twin.run import report_page, scenes
         from twin.run.event_table import event_rows
-        from twin.run.recorded_views import variant_views
+        from twin.run.recorded_views import reached_times, variant_views
 
         distinct = list({case.variant: case for case in cases}.values())
-        views = variant_views(result.scenario, distinct, result.catalogs, result.tables)
+        reached = reached_times(result.run.extra.get("operation", {}))
+        views = variant_views(result.scenario, distinct, result.catalogs, result.tables, reached)
         violations = find_violations(result.scenario.expectations, result.evaluation, result.tables)
         text = report_page.report_html(
             result.summary,

@@ -110,18 +110,24 @@ def point_label(scenes: Iterable[Mapping[str, Any]], signal: str) -> str:
     return next((str(point["label"]) for point in points if point["signal"] == signal), "")
 
 
+def warning_signals(warning: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the signals of a warning: that with the limit, and what is subtracted from it."""
+    return warning["signal"], *([warning["minus"]] if "minus" in warning else [])
+
+
 def warning_result(
     time: NDArray[np.float64],
-    values: NDArray[Any],
+    values: Sequence[NDArray[Any]],
     warning: Mapping[str, Any],
     scale: tuple[str, float, float],
     end: float = np.inf,
 ) -> dict[str, Any]:
     """Return for how long a warning was shown [s], and the largest value of its signal, or magnitude if it has a limit `below`.
 
-    `scale`: display unit, factor, offset. `end`: of the score [s]; what is shown later is in `afterwards` alone.
+    `values`: rows of its signals. `scale`: display unit, factor, offset. `end`: of the score [s]; what is shown later is in `afterwards` alone, and not judged.
     """
-    rows = np.asarray(values, np.float64).reshape(len(time), -1).max(axis=1)
+    rows, *others = (np.asarray(value, np.float64).reshape(len(time)) for value in values)
+    rows = rows - sum(others)
     if "below" in warning:
         rows = np.abs(rows)
     every = float(time[1] - time[0]) if len(time) > 1 else 0.0
@@ -141,13 +147,18 @@ def warning_result(
     later, _, later_text, later_peak = judged(rows[time > end])
     return {
         "text": warning["text"],
-        "signal": warning["signal"],
+        "signal": " - ".join(warning_signals(warning)),
         "unit": shown_unit,
         "limit": limit,
         "maximum": peak,
         "duration": duration,
         "detail": f"{text}; {peak_text}{limit_text}" if limit else text,
-        "afterwards": f"; afterwards {later_text}{f', {later_peak}' * bool(limit)}" if later else "",
+        "end": float(end) if later else None,
+        "afterwards": (
+            f"; after the last target, {end:.0f} s, not judged: {later_text}{f', {later_peak}' * bool(limit)}"
+            if later
+            else ""
+        ),
     }
 
 
@@ -193,6 +204,7 @@ def operator_result(scenario: ScenarioSpec, case: Case, catalog: Catalog, signal
             "duration": now.duration,
             "path": factor * now.path,
             "unit": shown_unit,
+            "begin": begin,
             "detail": score_text(now, targets, factor, shown_unit, label, has_ended=True),
         }
     if warnings:
@@ -208,7 +220,7 @@ def warning_results(
     return [
         warning_result(
             time,
-            recorded_rows(signals, warning["signal"]),
+            [recorded_rows(signals, name) for name in warning_signals(warning)],
             warning,
             display_conversion(find(warning["signal"], catalog).variable),
             end,
@@ -227,7 +239,7 @@ def warning_notes(
         if catalog is None or len(signals.time) < 2:
             continue
         _, warnings = targets_and_warnings(scenario, catalog)
-        recorded = [each for each in warnings if each["signal"].partition("[")[0] in signals.values]
+        recorded = [each for each in warnings if all(name in signals.values for name in warning_signals(each))]
         if not recorded:
             continue  # nobody reads the times of a recording that may be larger than memory
         least = NOTICEABLE * float(signals.time[-1] - signals.time[0])

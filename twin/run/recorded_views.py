@@ -7,6 +7,7 @@ import logging
 from contextlib import suppress
 from dataclasses import dataclass, field
 from math import prod
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -88,8 +89,9 @@ def variant_views(
     cases: Sequence[Case],
     catalogs: Mapping[str, Catalog],
     tables: Mapping[tuple[str, int], Signals],
+    reached: Mapping[str, float] = MappingProxyType({}),
 ) -> dict[str, list[dict[str, Any]]]:
-    """Return the views of each variant of a run by its name; none where a component's module fails."""
+    """Return the views of each variant of a run by its name; none where a component's module fails. `reached`: see `system_views`."""
     views = {}
     for case in cases:
         signals = next((table for (variant, _), table in tables.items() if variant == case.variant), None)
@@ -97,15 +99,26 @@ def variant_views(
             continue
         recorded = {name: RecordedSignal(name, "output") for name in signals.values}
         try:
-            views[case.variant] = system_views(describe_system(scenario, case, catalogs[case.variant], recorded))
+            views[case.variant] = system_views(
+                describe_system(scenario, case, catalogs[case.variant], recorded), reached
+            )
         except Exception as error:  # a component's module may raise anything
             logging.getLogger("twin").debug("report", exc_info=error)
     return views
 
 
-def system_views(system: RecordedSystem) -> list[dict[str, Any]]:
-    """Return the views of a system, each with the band of its contact force."""
-    return [view | force_band(view["parts"], system.expectations) for view in build_views(system)]
+def system_views(system: RecordedSystem, reached: Mapping[str, float] = MappingProxyType({})) -> list[dict[str, Any]]:
+    """Return the views of a system, each with the band of its contact force. `reached`: times of its targets [s]."""
+    views = build_views(system)
+    for target in (target for view in views for target in view["targets"] if target["name"] in reached):
+        target["time"] = reached[target["name"]]
+    return [view | force_band(view["parts"], system.expectations) for view in views]
+
+
+def reached_times(operation: Mapping[str, Any]) -> dict[str, float]:
+    """Return when an operator reached targets, from the start of the session [s]; `operation`: of summary.json."""
+    targets = operation.get("targets", {})
+    return {name: targets["begin"] + time for name, time in targets.get("reached", {}).items() if "begin" in targets}
 
 
 def describe_system(

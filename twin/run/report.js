@@ -126,7 +126,7 @@ class MachineFilm {
   show(at) { this.instant = nearest(this.time, at); this.draw(); }
   draw() {
     const rowOf = ({ values, count }) => (values.length > count ? this.instant : 0); // what stands has one row
-    this.move(Object.fromEntries(this.signals.map((track) => [track.name, elementOf(track.values, rowOf(track), track.shape)])));
+    this.move(Object.fromEntries(this.signals.map((track) => [track.name, elementOf(track.values, rowOf(track), track.shape)])), [], this.time[this.instant]);
   }
   legend() { return []; }
   listen() { /* nothing is zoomed */ }

@@ -378,7 +378,7 @@ def record_of(
     expressions += [expression for plot in plots for expression in plot.expressions]
     needed = dict.fromkeys(signal.name for expression in expressions for signal in expression.signals)
     needed |= dict.fromkeys(name for scene in scenes for name in scene.names)
-    needed |= dict.fromkeys(warning.signal for warning in keys.console.warnings)
+    needed |= dict.fromkeys(name for warning in keys.console.warnings for name in warning.signals)
     needed |= dict.fromkeys(keys.console.targets.signals) if keys.console.targets else {}
     patterns = tuple(dict.fromkeys(keys.record.variables))
     return RecordSpec(patterns, keys.record.every, tuple(needed), str(tree.find(("record",)).location))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from twin.component import unit as units
 from twin.errors import TwinError
 from twin.results import MetricFormat, MetricResult, common_seeds, expression, metric_formats
-from twin.run import event_rows, first_motion
+from twin.run import event_rows, reached_times
 from twin.viewer import following
 
 if TYPE_CHECKING:
@@ -147,22 +147,9 @@ def events(viewed: OpenRun) -> list[dict[str, Any]]:
         return following.events(viewed)
     rows = event_rows(scenario.variants, viewed.summary.get("conditions", ()))
     marks = merge_repeated(name_controls([row.annotation for row in rows], viewed, scenario))
-    return sorted([*marks, *reached_targets(viewed, scenario)], key=lambda mark: mark["time"])
-
-
-def reached_targets(viewed: OpenRun, scenario: ScenarioSpec) -> list[dict[str, Any]]:
-    """Return when the targets of an operator's session were reached; its times count from the first command."""
-    reached = viewed.summary.get("operation", {}).get("targets", {}).get("reached", {})
-    recording, case = viewed.recording, next(iter(viewed.recording.cases))
-    names = [control.input for control in scenario.console if reached and recording.has(case, control.input)]
-    rows = [recording.column(case, name) for name in names]
-    begin = first_motion(recording.column(case, "time"), [(row, row[0]) for row in rows]) if rows else None
-    if begin is None:
-        return []
-    return [
-        {"time": begin + time, "name": f"{name} reached", "variants": [], "first": True}
-        for name, time in reached.items()
-    ]
+    times = reached_times(viewed.summary.get("operation", {}))
+    reached = [{"time": at, "name": f"{name} reached", "variants": [], "first": True} for name, at in times.items()]
+    return sorted([*marks, *reached], key=lambda mark: mark["time"])
 
 
 def name_controls(marks: Iterable[EventLine], viewed: OpenRun, scenario: ScenarioSpec) -> Iterator[EventLine]:

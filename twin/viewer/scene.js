@@ -41,7 +41,7 @@ async function load() {
 function moved() {
   if (!film?.times.length || find("scene").hidden) return;
   const at = (state.time ?? windowOf()[0]) - offset(film.place), k = Math.max(before(film.times, at + 1e-9), 0);
-  film.move(Object.fromEntries(film.signals.map(({ name, shape, values }) => [name, elementOf(values, k, shape)])));
+  film.move(Object.fromEntries(film.signals.map(({ name, shape, values }) => [name, elementOf(values, k, shape)])), [], film.times[k]);
 }
 
 // ---- the time cursor

@@ -17,6 +17,7 @@ from twin.run import (
     describe_system,
     expectations_of,
     moving_signals,
+    reached_times,
     scene_data,
     system_views,
 )
@@ -51,7 +52,10 @@ class Scenes:
         case = self.runs.cases[number]
         key = (case.run, case.variant)
         if key not in self._views:
-            self._views[key] = system_views(recorded_system(self.runs.run_of(case), case.key))
+            run = self.runs.run_of(case)
+            self._views[key] = system_views(
+                recorded_system(run, case.key), reached_times(run.summary.get("operation", {}))
+            )
         return self._views[key]
 
     def samples(self, number: int, window: tuple[float, float], instants: int = MAX_INSTANTS) -> SceneSamples:

@@ -191,6 +191,7 @@ class Verdicts:
         samples = self.viewed.samples(case, signal.text)
         values = samples.shown(samples.y)
         is_outside = (np.abs(values) if high > 0.0 else values) > high
+        is_outside &= samples.time <= (warning.get("end") or np.inf)  # later is not judged
         spans = {case: consecutive_spans(samples.time, is_outside)} if is_outside.any() else {}
         low = -high if high > 0.0 and values.min(initial=0.0) < 0.0 else None
         return ExpectationView(*summary, ast.unparse(signal.tree), low, high, spans=spans)

@@ -118,7 +118,7 @@ def build_views(catalog: ViewSystem) -> list[dict[str, Any]]:
             {"name": name, "at": point, "tolerance": catalog.targets["tolerance"]}
             for name, point in _targets_in(view, catalog)
         ]
-        view["limits"] = {warning["signal"]: warning["above"] for warning in catalog.warnings}
+        view["limits"] = {warning["signal"]: warning["above"] for warning in catalog.warnings if "minus" not in warning}
     joined = next((view for view in views_in_order if view["view"] != VESSEL), None)
     if joined is not None:
         joined["parts"] += loose

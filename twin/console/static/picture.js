@@ -22,7 +22,7 @@ export default {
       this.warn(state);
     };
     channel.listeners.add(this.onTick);
-    channel.watch(this, [...new Set([...moving, ...this.warnings.map((one) => one.signal)])]);
+    channel.watch(this, [...new Set([...moving, ...this.warnings.flatMap((one) => [one.signal, one.minus || []].flat())])]);
   },
   unmounted() { channel.listeners.delete(this.onTick); channel.watch(this, []); },
   methods: {
@@ -30,11 +30,14 @@ export default {
     remedy(text) {
       const named = this.controls.filter((one) => text.includes(one.label)), moved = this.moved || {};
       const last = (named.length ? named : this.controls).filter((one) => one.input in moved).sort((a, b) => moved[b.input][0] - moved[a.input][0])[0];
-      return last ? `: ${last.label} back with ${keyText(last.keys[moved[last.input][1]])}` : "";
+      if (!last) return "";
+      const way = moved[last.input][1];
+      return matchMedia("(hover: none)").matches ? `: hold ${last.label} ${"+−"[way]}` : `: ${last.label} back with ${keyText(last.keys[way])}`;
     },
     warn(state) {
-      const shown = this.warnings.filter((one) => Number(state.values[one.signal]) > one.above || Number(state.values[one.signal]) < one.below);
-      this.warning = shown.map((one) => one.text + this.remedy(one.text)).join(" · ");
+      const valueOf = (one) => Number(state.values[one.signal]) - (one.minus ? Number(state.values[one.minus]) : 0);
+      const shown = this.warnings.filter((one) => valueOf(one) > one.above || valueOf(one) < one.below);
+      this.warning = ["finishing", "stopped", "failed"].includes(state.phase) ? "" : shown.map((one) => one.text + this.remedy(one.text)).join(" · ");
       const now = performance.now();
       if (!this.warning || !channel.operator || state.phase !== "running" || now < (this.felt || 0) + RUMBLE.duration) return;
       this.felt = now;

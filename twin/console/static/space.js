@@ -27,6 +27,7 @@ class Picture {
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.zoomToCursor = true;
     this.controls.addEventListener("change", () => this.draw());
+    this.controls.addEventListener("start", () => { this.isTurned = true; });  // or moved: a new width keeps it
     const light = new THREE.DirectionalLight(0xffffff, 2.2);
     light.position.set(-1, 2, 3);
     this.camera.add(light);
@@ -164,12 +165,13 @@ class Picture {
 
   // ---- the view
 
-  // from the side, slightly turned, with everything or the first point in the middle
+  // from the side, slightly turned, with everything in the picture
   reset() {
-    const box = new THREE.Box3(), { size } = this.fixed, up = this.camera.up, middle = new THREE.Vector3();
+    const box = new THREE.Box3(), { size } = this.fixed, middle = new THREE.Vector3();
     for (const points of [this.fixed.tube?.points || [], ...this.frame.lines, this.frame.points, this.frame.surfaces])
       for (const point of points || []) if (point) box.expandByPoint(new THREE.Vector3(...point));
-    if (size && this.frame.points[0]) middle.set(...this.frame.points[0]); else box.getCenter(middle);
+    for (const [k, point] of this.frame.surfaces.entries()) if (point) box.union(new THREE.Box3().setFromCenterAndSize(new THREE.Vector3(...point), new THREE.Vector3().setScalar(this.fixed.surfaces[k].diameter)));
+    box.getCenter(middle);
     const back = this.back();
     this.controls.target.copy(middle);
     this.camera.position.copy(middle).addScaledVector(back, 1000);
@@ -177,7 +179,8 @@ class Picture {
     this.camera.updateMatrixWorld();
     const seen = box.clone().applyMatrix4(this.camera.matrixWorldInverse).getSize(new THREE.Vector3());
     const { clientWidth: width, clientHeight: height } = this.canvas;
-    this.camera.zoom = size ? height / size : ROOM * Math.min(width / Math.max(seen.x, 1), height / Math.max(seen.y, 1));
+    this.camera.zoom = Math.min(size ? height / size : Infinity, ROOM * width / Math.max(seen.x, 1), ROOM * height / Math.max(seen.y, 1));
+    this.isTurned = false;
     this.quarter = height / this.camera.zoom / 4;
     this.camera.updateProjectionMatrix();
     this.controls.update();
@@ -192,6 +195,7 @@ class Picture {
   }
   zoomBy(factor) {
     this.camera.zoom *= factor;
+    this.isTurned = true;
     this.camera.updateProjectionMatrix();
     this.draw();
   }
@@ -203,7 +207,7 @@ class Picture {
     this.names.setSize(width, height);
     Object.assign(this.camera, { left: -width / 2, right: width / 2, top: height / 2, bottom: -height / 2 });
     this.camera.updateProjectionMatrix();
-    if (this.frame) this.reset();
+    if (this.frame && !this.isTurned) this.reset(); else this.draw();
   }
 
   draw() { this.due ||= requestAnimationFrame(() => { this.due = 0; this.render(); }); }

@@ -124,11 +124,20 @@ def resolve_warning(spec: WarningKeys, catalog: Catalog) -> dict[str, Any]:
 
     A limit above zero is one of the magnitude, such as of a force in either direction: `below` is its negative.
     """
-    variable, index = find(spec.signal, catalog)
-    if variable.shape or index or variable.dtype.kind == "O":
-        raise CouplingError(f"{spec.signal}: expected a single number, not an array, an element of one, or a text.")
+    for name in spec.signals:
+        variable, index = find(name, catalog)
+        if variable.shape or index or variable.dtype.kind == "O":
+            raise CouplingError(f"{name}: expected a single number, not an array, an element of one, or a text.")
+    unit = find(spec.signal, catalog)[0].unit
+    if variable.unit != unit:
+        raise CouplingError(
+            f"{spec.minus}: is in {variable.unit or '1'}. It is subtracted from a value in {unit or '1'}."
+        )
     above = number(spec.above, variable, f"{spec.signal}: above")
-    return {"signal": spec.signal, "above": above, "text": spec.text} | ({"below": -above} if above > 0.0 else {})
+    minus = {"minus": spec.minus} if spec.minus else {}
+    return {"signal": spec.signal, **minus, "above": above, "text": spec.text} | (
+        {"below": -above} if above > 0.0 else {}
+    )
 
 
 def slider_range(scenario: ScenarioSpec, case: Case, catalog: Catalog, name: str) -> tuple[float, float] | None:

@@ -279,8 +279,14 @@ class WarningKeys(Keys):
     """A warning in the picture of the console while a scalar signal, its magnitude for a limit above zero, is above it."""
 
     signal: Reference
+    minus: Reference = ""  # what is subtracted
     above: Value
     text: Text
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """The signals that are read."""
+        return tuple(filter(None, (self.signal, self.minus)))
 
 
 class ConsoleKeys(Keys):

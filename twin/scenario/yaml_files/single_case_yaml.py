@@ -59,7 +59,7 @@ def single_case_yaml(scenario: ScenarioSpec, case: Case, record: Sequence[str]) 
     targets, warnings = scenario.console_targets, scenario.console_warnings
     if targets is not None and all(has_member(case, signal) for signal in targets.signals):
         console["targets"] = root.find(("console", "targets"))
-    if indices := [i for i, warning in enumerate(warnings) if has_member(case, warning.signal)]:
+    if indices := [i for i, warning in enumerate(warnings) if all(has_member(case, name) for name in warning.signals)]:
         console["warnings"] = Node([root.find(("console", "warnings", i)) for i in indices], location)
     if console:
         entries["console"] = Node(console, location)

@@ -52,12 +52,12 @@ function fitPane(chart, pane, box, shown, more) {
 }
 
 // The range of the visible samples, or of all panes that share it, with references from the nearest on, as long as the curves keep half of the axis.
-// Violated limits of a pane with an axis of its own are in any case; a live axis has all, since it must not jump, but far limits of warnings would flatten its curves.
-function verticalRange(chart, pane, series, from, to) {
+// Violated limits of a pane with an axis of its own are in any case; a live axis has all, since it must not jump, but limits of warnings only while they are exceeded: far ones would flatten its curves.
+export function verticalRange(chart, pane, series, from, to) {
   const own = pane.extent ? [{ x: [from, from], y: pane.extent }] : series, range = extent(own, from, to, []), most = MOST * (range[1] - range[0]), near = [];
   const shared = (pane.shared || []).map((y) => ({ y })), far = [...references(pane), ...shared].map((one) => [Math.max(range[0] - one.y, one.y - range[1], 0), one]).sort(([a], [b]) => a - b);
   for (const [, { y, failed, warns }] of far) {
-    const isWanted = !warns && ((failed && !pane.extent) || chart.follow);
+    const isWanted = warns ? (y < 0 ? range[0] < y : range[1] > y) : (failed && !pane.extent) || chart.follow;
     if (isWanted || Math.max(range[1], y, ...near) - Math.min(range[0], y, ...near) <= most) near.push(y);
   }
   return near.length ? extent(own, from, to, near) : range;

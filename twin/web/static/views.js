@@ -7,16 +7,18 @@ import { vessel } from "./view_vessel.js";
 
 const VIEWS = { rig, bench, vessel, scene };
 
-// draw views into an element; returns (values, reached) => void: values by name of signal, names of reached targets
+// draw views into an element; returns (values, reached, time) => void: values by name of signal, names of reached targets, time of a replay [s]
 export function drawViews(element, views) {
   const moved = views.map((view) => {
     const place = element.appendChild(document.createElement("div"));
     place.className = `twin-view twin-view-${view.view}`;
     return VIEWS[view.view](place, view);
   });
-  return (values, reached = []) => {
+  const targets = views.flatMap((view) => view.targets || []);
+  return (values, reached = [], time = -Infinity) => {
+    const names = [...reached, ...targets.filter((target) => target.time <= time).map((target) => target.name)];
     const of = (part, name) => (part && part.signals[name] in values ? values[part.signals[name]] : undefined);
-    for (const move of moved) move(of, reached);
+    for (const move of moved) move(of, names);
   };
 }
 
