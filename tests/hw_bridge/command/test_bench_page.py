@@ -11,6 +11,7 @@ import pytest
 
 from hw_bridge.command import pages, step_order
 from hw_bridge.command.bench.motion import READY
+from hw_bridge.command.commissioning_steps import STEPS, prerequisite
 from hw_bridge.command.pages import SIMULATED, TITLE, Page, fill
 from hw_bridge.command.progress import Outcome
 from hw_bridge.command.running_card import TILES, armed
@@ -106,8 +107,8 @@ def build():
 def test_a_simulated_bench(typed, build):
     runner = typed(homing=HOMING)
     jog = next(step for step in STEPS if step.word == "jog")
-    lifted = [prerequisite(jog, lambda step: step.word in done, True) for done in ((), ("check",))]
-    assert lifted == ["Do step 5 (check) first.", ""]  # the check of a drive that was commissioned before moves nothing
+    lifted = [prerequisite(jog, is_done, True) for is_done in (lambda _: False, lambda step: step.word == "check")]
+    assert lifted == ["Do step 5 (check) first.", ""]  # it moves nothing: also for a drive that was commissioned before
     page = build(runner)
     assert list(page.enabled) == BUTTONS  # the module's are like the drive's
     assert {name for name, enabled in page.enabled.items() if not enabled} == {
