@@ -217,6 +217,25 @@ def test_steps_are_skipped_after_a_question_that_names_them(typed, monkeypatch):
     assert (page.commissioned, len(asked)) == ({"axis"}, 2)
 
 
+def test_a_page_may_be_closed_while_it_asks(monkeypatch):
+    """It printed that a client is used after its end, and list.remove(x): x not in list."""
+    nicegui = pytest.importorskip("nicegui")
+    client = nicegui.Client(nicegui.ui.page("/bench"), request=None)
+
+    async def asked():
+        with client:
+            return await step_order.confirm(["Skip?"])
+
+    async def closed():
+        monkeypatch.setattr(nicegui.core, "loop", asyncio.get_running_loop())
+        answer = asyncio.create_task(asked())
+        await asyncio.sleep(0.01)
+        client.delete()
+        return await answer
+
+    assert asyncio.run(closed()) is False
+
+
 def test_buttons_begin_commands(typed, build, monkeypatch):
     monkeypatch.setattr(Page, "run_as_operator", lambda _page, what: what())
     runner = typed()
