@@ -189,6 +189,7 @@ def now(page: Page, card: Element) -> None:
         if last_shown.get("stage") == stage:
             return
         last_shown["stage"] = stage
+        card.classes(remove="twin-folded")  # how a command ended is never hidden
         running_command.refresh()
         tiles.visible = typed.attended
         frame.visible = typed.attended or (not typed.running and typed.motion.has_samples)
