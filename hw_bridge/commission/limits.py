@@ -61,7 +61,7 @@ def compare(node: Node) -> list[Row]:
     return [*rows, Row("force", limits.force, peak, "its peak current", "N*m" if length == "rad" else "N")]
 
 
-def assert_stops_within_travel(node: Node, entry: Entry, value: int, unit: str) -> None:
+def assert_can_stop(node: Node, entry: Entry, value: int, unit: str) -> None:
     """Raise SimulationError for a deceleration (6084h, 6085h) that needs more than the travel to stop from the greatest velocity.
 
     Both are those of the hardware file; without one they are the drive's own, if it limits them. `unit`: m or rad.

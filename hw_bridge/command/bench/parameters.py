@@ -94,7 +94,7 @@ def set_command(bus: BusChoice, node: str, name: str, value: str, store: bool, a
         if entry.index in limits.DECELERATIONS and isinstance(station, Node):
             is_named = station.name in bus.stations
             unit = select_axis(bus, station.name).unit if is_named else station.profile.motor.unit
-            limits.assert_stops_within_travel(station, entry, number, unit)
+            limits.assert_can_stop(station, entry, number, unit)
         switching_needs_arm(bus, station, entry, arm)
         assert_not_driven(station)
         if left := nvm.unrestored_text(station, bus.journals):
@@ -284,7 +284,7 @@ def restore_file(
 
 
 def is_terminal() -> bool:
-    """Whether a person can be asked."""
+    """Whether stdin is a terminal."""
     return sys.stdin.isatty()
 
 
