@@ -24,6 +24,7 @@ LONGEST = 40  # characters of it
 NOT_HOMED = math.inf  # instead of a position
 ROUNDING = 1e-9  # relative; of a limit that is shown in another unit
 FILE_INDEPENDENT = frozenset({"status", "dump", "compare"})  # they concern the node itself
+ALWAYS = "check"  # command that moves nothing, and must succeed also for a drive that was commissioned before
 VARIANTS = frozenset({"--by-hand"})  # options that make another step of the same command
 
 
@@ -287,15 +288,15 @@ def missing_steps(step: Step, is_done: Callable[[Step], bool]) -> dict[str, str]
     return missing_before
 
 
-def prerequisite(step: Step, is_done: Callable[[Step], bool]) -> str:
-    """Which steps must succeed before this one; empty if none."""
-    before = missing_steps(step, is_done).values()
+def prerequisite(step: Step, is_done: Callable[[Step], bool], is_lifted: bool = False) -> str:
+    """Which steps must succeed before this one; empty if none. `is_lifted`: the drive was commissioned before."""
+    before = [text for word, text in missing_steps(step, is_done).items() if word == ALWAYS or not is_lifted]
     return f"Do step {', then '.join(before)} first." if before else ""
 
 
 def caution(step: Step, is_done: Callable[[Step], bool]) -> str:
     """Warning at the button of a step whose order was lifted: what was skipped, and what may happen; empty if nothing was."""
-    before = missing_steps(step, is_done)
+    before = {word: text for word, text in missing_steps(step, is_done).items() if word != ALWAYS}
     risk = ": it may move the wrong way" if "direction" in before else ""
     return f"Not checked: {', '.join(before)}{risk}." if before else ""
 

@@ -339,7 +339,7 @@ def reset_drive(master: Master, node: Node) -> bool:
         if problems := master.compare(node):
             paragraph(f"differs: {' '.join(problems)}")
             return False
-        if not (fault := setup.faults(node)) and (fault := pending_error(node)):
+        if not (fault := setup.faults(node)) and (fault := pending_error(node).replace(" reports ", " reported ")):
             assert_not_driven(node)  # a reset begins with 6040h = 0: a moving axis would coast or fall
         if not fault:
             paragraph(f"{node.name}: is not in Fault.")

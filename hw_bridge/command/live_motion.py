@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hw_bridge.command.bench.single_axis import LIVE_VALUES
+from hw_bridge.command.bench.single_axis import LIVE_VALUES, NO_DATA
 from hw_bridge.commission import IN_DRIVE
 from hw_bridge.dictionary import State
 from twin import web
@@ -37,6 +37,7 @@ class LiveMotion:
         self.state = self.position = self.velocity = self.current = self.direction = ""
         self.origin, self.unit = "", "mm"
         self.directions = set[str]()
+        self.no_data_since = ""  # time of the last sample, if the values are older than the command's last cycles
         self._rest = ""  # of a line that has not ended
         self._begin_time = -1.0  # of the first sample with power
         self._samples: deque[tuple[float, float, float]] = deque(maxlen=CAPACITY)
@@ -56,6 +57,10 @@ class LiveMotion:
             self.current = f"{values['current']} A"
             self.direction = {">": "positive", "<": "negative"}.get(values["mark"], "")
             self.directions |= {*filter(None, [self.direction])}
+            is_old = values.string.startswith(NO_DATA, values.end())
+            self.no_data_since = f"{self.span()[1]:.2f} s" if is_old and self._samples else ""
+            if is_old:
+                continue
             now = time.monotonic()
             if not self._samples:
                 if self.state != State.ENABLED:

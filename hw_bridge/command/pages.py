@@ -43,7 +43,7 @@ LOOKS = {  # of a step's number, by what has become of it
     "stopped": "icon=stop error error-icon=stop error-color=warning",
     "skipped": "icon=priority_high error error-icon=priority_high error-color=warning",
 }
-GATES = frozenset(step.after for step in STEPS if step.after)  # commands that others wait for
+GATES = frozenset(step.after for step in STEPS if step.after) - {steps.ALWAYS}  # commands that may be skipped
 FILE_PERIOD = 1.0  # between looks at the hardware file [s]
 SIMULATED = (
     "Each command starts new simulated drives: positions count from 0 again, and nothing stays set. "
@@ -85,7 +85,8 @@ class Page:
         try:
             await run.io_bound(what)
         except TwinError as error:
-            ui.notify(str(error), type="warning", position="top", timeout=8000, multi_line=True)
+            if not ui.context.client.is_deleted:  # the page was closed meanwhile
+                ui.notify(str(error), type="warning", position="top", timeout=8000, multi_line=True)
 
     def begin(self, step: Step, name: str, values: dict[str, Any], drive_axis: Axis | None = None) -> None:
         """Begin a step of a drive or module."""
@@ -156,10 +157,13 @@ def build(page: Page) -> None:
             with ui.element("div").classes("twin-card twin-live"):
                 live_state(page)
         with ui.element("div").classes("twin-card twin-hand") as card:
-            now(page)
-        page.updates.append(
-            lambda: card.classes(add="twin-moves") if typed.attended else card.classes(remove="twin-moves")
-        )
+            now(page, card)
+
+        def update() -> None:
+            for name, is_set in (("twin-moves", typed.attended), ("twin-checklist", not typed.line)):
+                card.classes(**{"add" if is_set else "remove": name})
+
+        page.updates.append(update)
         with ui.element("div").classes("twin-card twin-curves"):
             bus = f"{keys.interface} {keys.channel}".strip() or "simulated: each command has a bus of its own"
             ui.label(keys.title or typed.file.name).classes("twin-h")
@@ -377,9 +381,7 @@ def refusal(page: Page, command_step: Step, name: str, values: dict[str, Any], d
         return "Real drives, not armed: end this console and start it with --arm."
     if command_step.word == "compare" and not page.dumps(name):
         return "Dump first."
-    if name not in page.commissioned and (
-        before := steps.prerequisite(command_step, lambda each: page.is_done(each, name))
-    ):
+    if before := steps.prerequisite(command_step, lambda each: page.is_done(each, name), name in page.commissioned):
         return before
     return steps.missing(command_step, values)
 

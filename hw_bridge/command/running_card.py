@@ -33,12 +33,10 @@ if TYPE_CHECKING:
 (CHECK,) = (step for step in READING if step.word == "check")
 ENDED = ("jog", "enable")  # by the person, in an orderly way
 REFRESH_PERIOD = 0.2  # of the running command [s]
-LATE_PERIOD = 1.5  # and of its chart while the page answers late: it draws less, so that it answers in time [s]
+LATE_PERIOD = 1.5  # and of its chart while the page answers late: it draws less, to answer in time [s]
 CURVES_PATH = "/commissioning/curves"
 SPAN = 10.0  # of the chart while a drive moves [s]
-CURVES_PERIOD = (
-    0.5  # of its requests [s]: a chart that follows by itself sends ten times as many, and the page must answer
-)
+CURVES_PERIOD = 0.5  # of its requests [s]: one that follows sends ten times as many, and the page must answer
 TILES = ("state", "position", "velocity", "current")
 LIVE = {"6041h": "state", "6064h": "position", "606Ch": "velocity", "6078h": "current", "603Fh": "error"}
 RAW = re.compile(r" \([^()]*\)$")  # value in the drive's own unit, behind a quantity
@@ -46,8 +44,8 @@ ERROR = re.compile(r"(?:^|(?<=  ))error: ", re.MULTILINE)  # before the error th
 JOG_END = re.compile(r"(upper|lower) end \((.*)\)\s*$")  # at the end of the live values of a jog
 BEFORE_POWER = (
     "An emergency stop that cuts the motor's supply is within reach.",
-    "The carriage is in the middle of its stroke, nothing is in its way.",
-    "Motor and loops are set up with the vendor's software.",
+    "The carriage is in the middle of its stroke, nothing is in its way, nothing coupled to it that can break.",
+    "Motor and loops are set up with the vendor's software; the inputs of STO (safe torque off) are closed, if it has any.",
     "STOP and Esc are Ctrl-C for the running command: quick stop, then power off. They do not replace the emergency stop.",
 )
 UNREPORTED = "It did not report the state of the drive: run status."
@@ -98,7 +96,8 @@ def motion_line(typed: Typed) -> str:
     """Values that the latest command printed of its drive, as those of a reading."""
     motion = typed.motion
     position = f"{motion.position} {motion.origin}"
-    values = (("6041h", motion.state), ("6064h", position), ("606Ch", motion.velocity), ("6078h", motion.current))
+    state = f"{motion.state}, last known" if motion.no_data_since else motion.state
+    values = (("6041h", state), ("6064h", position), ("606Ch", motion.velocity), ("6078h", motion.current))
     title = "values of the running command" if typed.running else "values at the end of the command"
     return state_lines({typed.node: [(f"{index} {title}", value) for index, value in values]})
 
@@ -150,15 +149,15 @@ def armed(typed: Typed) -> tuple[str, str]:
     return ("warn", "armed: drives may move") if typed.console.arm else ("good", "not armed: nothing moves from here")
 
 
-def now(page: Page) -> None:
-    """Card of the running command: command line, button, output, history."""
+def now(page: Page, card: Element) -> None:
+    """Content of the card of the running command: command line, button, output, history."""
     from nicegui import ui
 
     typed, last_shown = page.typed, dict[str, Any]()
 
     @ui.refreshable
     def running_command() -> None:
-        show_running(page)
+        show_running(page, lambda: card.classes(toggle="twin-folded"))
 
     running_command()
     end = ui.label("").props("role=status")
@@ -190,6 +189,7 @@ def now(page: Page) -> None:
         if last_shown.get("stage") == stage:
             return
         last_shown["stage"] = stage
+        card.classes(remove="twin-folded")  # how a command ended is never hidden
         running_command.refresh()
         tiles.visible = typed.attended
         frame.visible = typed.attended or (not typed.running and typed.motion.has_samples)
@@ -208,6 +208,8 @@ def now(page: Page) -> None:
 
 def motion_state(typed: Typed) -> tuple[str, str]:
     """Kind and sentence of what a running motion does: its page is late, a jog is ready, stopped, at an end; empty without one."""
+    if since := typed.motion.no_data_since:
+        return "warn", f"No data since {since}: curves end there, values are the last known."
     if typed.attended and typed.word != "jog" and (late := typed.lateness):
         return (
             "warn",
@@ -228,7 +230,7 @@ def motion_state(typed: Typed) -> tuple[str, str]:
     return "good", "ready: hold an arrow key or a button"
 
 
-def show_running(page: Page) -> None:
+def show_running(page: Page, fold: Callable[[], object]) -> None:
     """The running command, with the button of a jog and an orderly end."""
     from nicegui import ui
 
@@ -243,6 +245,8 @@ def show_running(page: Page) -> None:
         return
     with ui.row().classes("items-center full-width no-wrap gap-1"):
         ui.label(typed.line).classes("twin-told col")
+        with ui.element("div").classes("twin-fold"):
+            icon_button("unfold_less", "fold or unfold", fold)
         icon_button("content_copy", "copy the command", lambda: ui.clipboard.write(typed.line))
         if typed.running and typed.word in ENDED:
             ui.button("End", on_click=lambda: page.run_as_operator(typed.end)).props("dense no-caps outline")
@@ -286,6 +290,7 @@ def motion_tiles(motion: LiveMotion) -> tuple[Element, Callable[[], None]]:
     def update() -> None:
         for title, label in labels.items():
             label.text = getattr(motion, title) or "-" * (title in TILES)
+        tiles.classes(**{"add" if motion.no_data_since else "remove": "twin-stale"})
 
     update()
     return tiles, update

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hw_bridge.command.commissioning_steps import STEPS, missing_steps
+from hw_bridge.command.commissioning_steps import ALWAYS, STEPS, missing_steps
 
 if TYPE_CHECKING:
     from nicegui.elements.switch import Switch
@@ -29,6 +29,7 @@ def order_switch(page: Page, name: str) -> None:
 async def change_order(page: Page, name: str, switch: Switch, is_lifted: bool) -> None:
     """Lift the order of a drive's steps, after a question that names those that are skipped, or restore it."""
     skipped = missing_steps(STEPS[-1], lambda each: page.is_done(each, name)) if is_lifted else {}
+    skipped.pop(ALWAYS, None)
     if skipped and not await confirm([SKIPPED.format(name=name, steps=", ".join(skipped.values())), *RISK]):
         switch.value = False
         return
@@ -48,5 +49,6 @@ async def confirm(lines: list[str]) -> bool:
             ui.button("Keep the order", on_click=lambda: dialog.submit(False)).props("no-caps outline")
             ui.button("Skip these steps", on_click=lambda: dialog.submit(True)).props("no-caps flat color=warning")
     answer = bool(await dialog)
-    dialog.delete()
+    if not dialog.is_deleted:  # with its page
+        dialog.delete()
     return answer

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from configparser import Error
 from typing import TYPE_CHECKING
 
@@ -29,19 +30,35 @@ if TYPE_CHECKING:
 Values = dict[tuple[int, int], "Value"]
 PDOS = range(0x1400, 0x1C00)
 HISTORY = 0x1003  # its number of errors is written only to clear it
+OUTPUT = re.compile(r"^([0-9A-F]{4})sub(\d+)=(-?\d+)$", re.MULTILINE)  # in the comments of a dump
 IDENTITY = {(0x1018, 1): "vendor", (0x1018, 2): "product code"}
 
 
 def left_out() -> frozenset[int]:
-    """Objects that are neither dumped nor restored: those that act at once, and the error history."""
-    return acting.all_commands() | acting.OUTPUTS | {HISTORY}
+    """Objects that are neither dumped nor compared: those that act at once, and the error history."""
+    return acting.all_commands() | {HISTORY}
+
+
+def output_notes(node: Station, wanted: Mapping[tuple[int, int], Value]) -> list[str]:
+    """Return a line for each output that differs: outputs are compared, but not restored."""
+    outputs = {address: value for address, value in wanted.items() if address[0] in acting.OUTPUTS}
+    return [
+        f"{entry.index:04X}h.{entry.sub} {entry.name} differs; outputs are not restored: they would switch."
+        for entry, _, _ in differences(node, outputs)
+    ]
 
 
 def dump(node: Station, bit_rate: int) -> tuple[str, list[str]]:
-    """Return the text of a DCF file with all values of the node, and a line for each object that it refused."""
+    """Return the text of a DCF file with all values of the node, and a line for each object that it refused.
+
+    Outputs are in its comments: another tool that downloads the file does not switch them.
+    """
     values, refused = read_all(node, [entry for entry in node.mirror.entries() if entry.index not in left_out()])
     od = canopen_dictionary(node.mirror.entries())
+    od.comments = "\n".join(f"{i:04X}sub{sub}={value}" for (i, sub), value in values.items() if i in acting.OUTPUTS)
     for (index, sub), value in values.items():
+        if index in acting.OUTPUTS:
+            continue
         variable = od[index] if isinstance(od[index], ODVariable) else od[index][sub]
         variable.value_raw = str(value)
     od.node_id, od.bitrate = node.number, bit_rate
@@ -78,6 +95,8 @@ def load(path: Path, node: int) -> Values:
             raise ValueError("it has no DeviceInfo")  # noqa: TRY301 - as all else that is wrong with the file
         od = eds.import_eds(io.StringIO(text), node)
         values = dict(_values(od.values(), node))
+        for index, number, value in OUTPUT.findall(od.comments):
+            values[int(index, 16), int(number)] = int(value)
     except OSError as error:
         raise DeclarationError(f"{path}: cannot be read: {error.strerror}. {advice}") from error
     except (ValueError, KeyError, TypeError, AttributeError, Error) as error:
@@ -143,7 +162,7 @@ def restore(
     assert_not_driven(node)
     if problem := identity_mismatch(node, wanted):
         raise SimulationError(problem)
-    changes = differences(node, wanted)
+    changes = [change for change in differences(node, wanted) if change[0].index not in acting.OUTPUTS]
     for entry, _, _ in changes:
         check(entry)
     sdo_session.nmt(cia301.PRE_OPERATIONAL, node.number)

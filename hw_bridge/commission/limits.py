@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.commission.objects import OPEN, learn, upload
 from hw_bridge.hardware import format_quantity, motor_data
 from hw_bridge.master import SdoError
+from twin.errors import SimulationError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from hw_bridge.dictionary import Entry
     from hw_bridge.master import Node
 
 ABSURD = 10.0  # so many times the drive's own limit is a slip of the pen, not a choice
+DECELERATIONS = (0x6084, 0x6085)  # of a stop
 NEAR = 1.01  # rounding to the drive's units
 CURRENTS = (
     (0x6072, 0), (0x6073, 0), (0x60E0, 0), (0x60E1, 0), (0x6075, 0), (0x2329, 1), (0x3001, 2), (0x2333, 2), (0x6410, 1), (0x6410, 2),
@@ -55,6 +59,26 @@ def compare(node: Node) -> list[Row]:
             node.mirror.values[index, sub] = value
     peak = motor_data.drive_force(node.keys, node.mirror)
     return [*rows, Row("force", limits.force, peak, "its peak current", "N*m" if length == "rad" else "N")]
+
+
+def assert_can_stop(node: Node, entry: Entry, value: int, unit: str) -> None:
+    """Raise SimulationError for a deceleration (6084h, 6085h) that needs more than the travel to stop from the greatest velocity.
+
+    Both are those of the hardware file; without one they are the drive's own, if it limits them. `unit`: m or rad.
+    """
+    low, high = node.own.file.position
+    speed, travel = node.own.file.velocity, high - low
+    if not node.own.file.model_fields_set:
+        own = {row.name: row.own for row in sorted(compare(node), key=lambda row: -row.own)}  # the least of each name
+        speed, travel = own.get("velocity", 0.0), own.get("position", math.inf)
+    least, rate = speed**2 / (2.0 * travel), value * node.keys.scale * node.units.acceleration
+    if rate < least / NEAR:
+        distance = f"{format_quantity(speed**2 / (2.0 * rate), unit)} to stop" if rate > 0.0 else "no end"
+        raise SimulationError(
+            f"{node.name}: {entry.index:04X}h {entry.label}: {format_quantity(rate, f'{unit}/s^2')} takes {distance} from "
+            f"{format_quantity(speed, f'{unit}/s')}, but the travel is {format_quantity(travel, unit)}. Nothing was written. "
+            f"At least {format_quantity(least, f'{unit}/s^2')} is possible."
+        )
 
 
 def _own(node: Node, index: int, sub: int) -> int | None:

@@ -30,12 +30,25 @@ def store(node: Station, folder: Path | None = None) -> None:
 
     Without `folder` that of real buses.
     """
-    if left := unrestored_objects(node, folder or bus_folder("", "", software=False)):
-        raise SimulationError(
-            f"{node.name}: holds {len(left)} values that a run wrote and did not restore ({', '.join(change.name for change in left[:4])}"
-            f"{', ...' if len(left) > 4 else ''}). Restore them first: twin hil restore {node.number}"
-        )
+    assert_can_store(node, folder or bus_folder("", "", software=False))
     _signed(node, STORE, SAVE, "stores no parameters")
+
+
+def assert_can_store(node: Station, folder: Path) -> None:
+    """Raise SimulationError for a drive that a program drives, or that holds values that a run did not restore."""
+    assert_not_driven(node)
+    if left := unrestored_text(node, folder):
+        raise SimulationError(left)
+
+
+def unrestored_text(node: Station, folder: Path) -> str:
+    """Sentence on the values that a run wrote and did not restore, with the remedy; empty if there are none."""
+    if not (left := unrestored_objects(node, folder)):
+        return ""
+    return (
+        f"{node.name}: holds {len(left)} values that a run wrote and did not restore ({', '.join(change.name for change in left[:4])}"
+        f"{', ...' if len(left) > 4 else ''}). Restore them first: twin hil restore {node.number}"
+    )
 
 
 def unrestored_objects(node: Station, folder: Path) -> list[ObjectChange]:

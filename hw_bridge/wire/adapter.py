@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 import inspect
 import logging
@@ -39,6 +40,8 @@ def open_bus(interface: str, channel: str, bit_rate: int, options: dict[str, Any
         )
     except Exception as error:  # drivers of adapters raise whatever they meet
         what = " ".join(str(error).split()).rstrip(".!") or type(error).__name__
+        if getattr(error, "errno", None) == errno.EAFNOSUPPORT:
+            what = "SocketCAN is missing here. Use -i slcan, pcan or kvaser, or -i udp_multicast with twin drive"
         raise SimulationError(
             f"{interface} {channel}: cannot be opened: {what}. Check the interface's name, its driver and the adapter."
         ) from error

@@ -78,6 +78,8 @@ class PageContext:
 
     def notify(self, text: str) -> None:
         """Show a message, e.g. why a command was refused."""
+        if self.client.is_deleted:  # the page was closed meanwhile
+            return
         with self.client:
             ui.notify(text, type="warning", position="top", timeout=6000, multi_line=True)
 

@@ -120,9 +120,12 @@ def move_command(
         begin = session.node.position
         goal = length if to is not None else begin + length
         check_target(session, goal)
+        travel = abs(goal - begin)
+        duration = travel / speed + speed / rate if travel * rate > speed**2 else 2.0 * (travel / rate) ** 0.5
         paragraph(
-            f"{session.node.name}: from {session.node.format_length(begin)} to {session.node.format_length(goal)} at "
-            f"{axis.format_quantity(speed, '/s')}; positions count {session.origin}."
+            f"{session.node.name}: from {session.node.format_length(begin)} to {session.node.format_length(goal)}: "
+            f"{session.node.format_length(travel)} at {axis.format_quantity(speed, '/s')}, {duration:.2g} s (--velocity); "
+            f"positions count {session.origin}."
         )
         if shows_live():
             session.master.attend = partial(show_live, session)

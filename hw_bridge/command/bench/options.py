@@ -39,7 +39,8 @@ class OptionError(click.UsageError):
 
     def show(self, file: IO[Any] | None = None) -> None:  # noqa: ARG002 - click's
         """Print the error."""
-        say(f"error: {self.format_message()}", err=True)
+        for line in f"error: {self.format_message()}".split("\n"):  # wrapped by the caller
+            say(line, err=True)
 
 
 @dataclass(frozen=True)

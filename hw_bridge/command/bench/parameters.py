@@ -24,7 +24,8 @@ SWITCHING = click.option(
     "--arm", is_flag=True, help="Confirm that valves and brakes may switch and nobody is in their way."
 )
 YES = click.option("--yes", is_flag=True, help="Do not ask for confirmation.")
-RAM = "It is lost when the drive is switched off. Keep it: twin hil store"
+LOST = "It is lost when the drive is switched off."
+RAM = f"{LOST} Keep it: twin hil store"
 
 
 @click.command("get")
@@ -77,7 +78,9 @@ def set_command(bus: BusChoice, node: str, name: str, value: str, store: bool, a
     twin hil set 1 quick_stop_deceleration "5 m/s^2" -f my_bench.yaml
     twin hil set 3 3001h.2 "3 A" --store -i socketcan -c can0
     """
-    from hw_bridge.commission import assert_not_driven, nvm, objects
+    from hw_bridge.command.bench.single_axis import select_axis
+    from hw_bridge.commission import assert_not_driven, limits, nvm, objects
+    from hw_bridge.master import Node
 
     with bus.sdo_session() as sdo_session:
         station = sdo_session.node(node, profile or "")
@@ -88,8 +91,16 @@ def set_command(bus: BusChoice, node: str, name: str, value: str, store: bool, a
             raise OptionError(f"{name} is several objects: {names}.")
         entry = entries[0]
         number = objects.parse_value(station, entry, value)
+        if entry.index in limits.DECELERATIONS and isinstance(station, Node):
+            is_named = station.name in bus.stations
+            unit = select_axis(bus, station.name).unit if is_named else station.profile.motor.unit
+            limits.assert_can_stop(station, entry, number, unit)
         switching_needs_arm(bus, station, entry, arm)
         assert_not_driven(station)
+        if left := nvm.unrestored_text(station, bus.journals):
+            if store:
+                raise SimulationError(left)
+            paragraph(f"warning: {bus.complete(left)}")
         before = objects.upload(station, entry)
         objects.download(station, entry, number)
         where = f"{station.name}: {entry.index:04X}h.{entry.sub} {entry.label}"
@@ -100,7 +111,7 @@ def set_command(bus: BusChoice, node: str, name: str, value: str, store: bool, a
             nvm.store(station, bus.journals)
             say("All parameters are stored.")
         else:
-            paragraph(bus.complete(f"{RAM} {station.number}"))
+            paragraph(LOST if left else bus.complete(f"{RAM} {station.number}"))
 
 
 def switching_needs_arm(bus: BusChoice, node: Station, entry: Entry, arm: bool) -> None:
@@ -170,6 +181,8 @@ def compare_command(bus: BusChoice, node: str, file: Path, profile: str | None) 
         say(identity_text(station))
         if rows:
             table([("object", "name", "drive", "file"), *rows], head=True)
+            for text in dcf.output_notes(station, wanted):
+                paragraph(f"note: {text}")
             sys.exit(1)
         say(f"{station.name}: all values equal {file}.")
 
@@ -247,16 +260,19 @@ def restore_file(
 
     station = sdo_session.node(node, profile or "")
     objects.learn(station)
+    wanted = dcf.load(file, station.number)
     changed, refused = dcf.restore(
         sdo_session,
         station,
-        dcf.load(file, station.number),
+        wanted,
         lambda entry: switching_needs_arm(bus, station, entry, arm),
     )
     for text in changed:
         say(f"changed: {text}")
     for text in refused:
         paragraph(f"refused: {text}")
+    for text in dcf.output_notes(station, wanted):
+        paragraph(f"note: {text}")
     say(f"{station.name}: {len(changed)} changed, {len(refused)} refused.")
     if store and not refused:
         nvm.store(station, bus.journals)
@@ -268,7 +284,7 @@ def restore_file(
 
 
 def is_terminal() -> bool:
-    """Whether a person can be asked."""
+    """Whether stdin is a terminal."""
     return sys.stdin.isatty()
 
 
@@ -286,6 +302,7 @@ def store_command(bus: BusChoice, node: str, file: Path | None, yes: bool) -> No
 
     with bus.sdo_session() as sdo_session:
         station = sdo_session.node(node)
+        nvm.assert_can_store(station, bus.journals)
         objects.learn(station)
         source = file if file is not None else dcf.last_dump(station, bus.journals)
         if source is None:

@@ -34,6 +34,7 @@ LIVE_VALUES = re.compile(  # what `show_live` prints for a page
     r"(?P<mark>[<> ]) position +(?P<position>\S+) (?P<unit>\S+) (?P<origin>[a-z ]+), velocity +(?P<velocity>\S+ \S+), "
     r"current +(?P<current>\S+) A, (?P<state>.+?)   "
 )
+NO_DATA = "last known, no data"  # behind live values without process data, and for how long
 # state and commands of `after_stop` as they are printed
 STATE_AFTER_STOP = re.compile(r"^ *\S+: ((?:power is off|last state) .*?)\n *Next", re.MULTILINE | re.DOTALL)
 COMMAND_AFTER_STOP = re.compile(r"^ *((?:Next|Then)[^:\n]*:)\s+twin hil (\w+)", re.MULTILINE)
@@ -341,7 +342,8 @@ def show_live(session: SingleAxisSession, is_page: bool = False, is_final: bool 
         values = f"position {position:>10} {session.origin}, velocity {speed_text:>9}, current {current:6.3f} A, {node.state}"
     else:
         values = f"{position:>10} {session.origin:<14} {speed_text:>12} {current:6.2f} A"
-    sys.stdout.write(f"\r{mark} {values}   {session.note:<27}{chr(13) if is_page else ''}")
+    note = f"{NO_DATA} {1e-9 * node.silent * session.cycle:.2f} s" if node.silent > 1 else session.note
+    sys.stdout.write(f"\r{mark} {values}   {note:<27}{chr(13) if is_page else ''}")
     sys.stdout.flush()
 
 

@@ -262,7 +262,7 @@ def test_an_absurd_limit_is_a_problem():
             [],
             State.DISABLED,
             True,
-            "axis: reports an earlier error (1001h is 10h). Reset: Switch on",
+            "axis: reported an earlier error (1001h is 10h). Reset: Switch on",
         ),
         ({(0x6041, 0): WORDS[State.FAULT]}, ["another.", "wrong."], None, False, "differs: another. wrong."),
         (

@@ -16,7 +16,7 @@ from click.testing import CliRunner
 
 from hw_bridge.command import hil
 from hw_bridge.command.bench import direction, motion, power
-from hw_bridge.command.bench.options import BusChoice, paragraph, table
+from hw_bridge.command.bench.options import BusChoice, OptionError, paragraph, table
 from hw_bridge.command.bench.single_axis import assert_armed
 from hw_bridge.commission.direction import Push
 from hw_bridge.commission.ramp import Ramp
@@ -90,19 +90,21 @@ class Moves:
 
 
 @pytest.mark.parametrize(
-    ("words", "goal", "speed", "rate"),
+    ("words", "goal", "speed", "rate", "duration"),
     [
-        (["--by", "1 mm"], 0.002, 2e-3, 0.4),
-        (["--by", "-21 mm"], -0.02, 2e-3, 0.4),
-        (["--to", "30 mm", "--velocity", "80 mm/s", "--acceleration", "4 m/s^2"], 0.03, 0.08, 4.0),
+        (["--by", "1 mm"], 0.002, 2e-3, 0.4, "0.51"),
+        (["--by", "-21 mm"], -0.02, 2e-3, 0.4, "11"),
+        (["--to", "30 mm", "--velocity", "80 mm/s", "--acceleration", "4 m/s^2"], 0.03, 0.08, 4.0, "0.38"),
+        (["--by", "1 mm", "--velocity", "80 mm/s", "--acceleration", "0.4 m/s^2"], 0.002, 0.08, 0.4, "0.1"),
     ],
 )
-def test_a_move(run, words, goal, speed, rate):
+def test_a_move(run, words, goal, speed, rate, duration):
     text = run("move", "axis", *words)
     assert run.session.moves == [(pytest.approx(goal), pytest.approx(speed), pytest.approx(rate))]
     assert run.session.opened == ("axis", False, {"origin": "reference" if "--to" in words else None, "check": ANY})
     assert text == (
-        f"axis: from 1.00 mm to {1e3 * goal:.2f} mm at {1e3 * speed:g} mm/s; positions count from start. "
+        f"axis: from 1.00 mm to {1e3 * goal:.2f} mm: {1e3 * abs(goal - 0.001):.2f} mm at {1e3 * speed:g} mm/s, {duration} s "
+        "(--velocity); positions count from start. "
         f"axis: is at {1e3 * goal + 0.01:.2f} mm, largest following error 0.25 mm."
     )
 
@@ -113,6 +115,11 @@ def test_a_move_in_a_terminal_shows_where_it_is_on_one_line(run, monkeypatch):
     assert "positions count from start." in before
     assert live
     assert "\x1b[K" in after  # it is gone when the result is printed
+
+
+def test_a_wrapped_error_of_options_stays_wrapped(capsys):
+    OptionError("Which bus?\n       Name one.").show()
+    assert capsys.readouterr().err == "error: Which bus?\n       Name one.\n"
 
 
 def test_a_misspelled_node_is_refused_before_the_bus_is_opened(tmp_path, monkeypatch):

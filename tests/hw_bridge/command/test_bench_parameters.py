@@ -13,8 +13,11 @@ from hw_bridge.command import hil
 from hw_bridge.command.bench import parameters
 from hw_bridge.command.bench.look import LISTENING
 from hw_bridge.command.bench.options import BusChoice
+from hw_bridge.commission import nvm
 from hw_bridge.commission.bus_scan import ScannedNode
 from hw_bridge.dictionary import State
+from hw_bridge.hardware.keys import LimitKeys
+from hw_bridge.journal import ObjectChange
 from hw_bridge.master import SilentError
 from hw_bridge.master.restoration import Restored
 from tests.hw_bridge.unconnected import WORDS, unconnected_node
@@ -94,6 +97,49 @@ def test_an_object_is_set_and_stored(run):
         "axis: 6083h.0 Profile acceleration: 0.3 m/s^2 (300), was 1 m/s^2 (1000). All parameters are stored."
     )
     assert run.written == [(0x6083, 0, 300), SAVE]
+
+
+@pytest.mark.parametrize("name", ["quick_stop_deceleration", "6084h"])
+@pytest.mark.parametrize("has_file", [True, False])
+def test_a_stop_that_needs_more_than_the_travel_is_refused(run, name, has_file):
+    """By the limits of the hardware file, without one by the drive's own."""
+    if has_file:
+        run.node.own.file = LimitKeys.model_validate({"position": ["-35 mm", "35 mm"], "velocity": "100 mm/s"})
+    else:
+        run.values.update({(0x607D, 1): -35_000, (0x607D, 2): 35_000, (0x607F, 0): 100})
+    text = run("set", "axis", name, "1 mm/s^2", code=1)
+    assert "0.001 m/s^2 takes 5000 mm to stop from 100 mm/s, but the travel is 70 mm." in text
+    assert "At least 0.07143 m/s^2 is possible." in text
+    assert run.written == []
+    run("set", "axis", name, "72 mm/s^2")
+    assert [value for *_, value in run.written] == [72]
+
+
+def test_what_a_killed_run_left_is_told_before_values_are_set_or_stored(run, monkeypatch):
+    monkeypatch.setattr(nvm, "unrestored_objects", lambda *_: [ObjectChange(0x6065, 0, b"\1")])
+    monkeypatch.setattr(parameters, "is_terminal", lambda: True)
+    left = "axis: holds 1 values that a run wrote and did not restore (6065h.0). Restore them first: twin hil restore 3"
+    text = run("set", "axis", "6083h", "0.3 m/s^2")
+    assert text.startswith(f"warning: {left} -f bench.yaml axis: 6083h.0")
+    assert text.endswith("It is lost when the drive is switched off.")
+    run.written.clear()
+    assert run("store", "axis", code=1).startswith(left)  # no table, no question
+    assert run("set", "axis", "6083h", "0.4 m/s^2", "--store", code=1).startswith(left)
+    assert run.written == []
+
+
+def test_outputs_are_compared_but_not_restored(run, tmp_path):
+    file = tmp_path / "a.dcf"
+    run("dump", "axis", str(file))
+    outputs = file.read_text(encoding="latin-1").partition("[60FEsub1]")[2].partition("[")[0]
+    assert "ParameterValue" not in outputs  # another tool that downloads the file does not switch them
+    run.values[0x60FE, 1] = 1
+    note = "note: 60FEh.1 Physical outputs differs; outputs are not restored: they would switch."
+    text = run("compare", "axis", str(file), code=1)
+    assert "60FEh.1 Physical outputs 1 0" in text
+    assert text.endswith(note)
+    assert run("restore", "axis", str(file)) == f"{note} axis: 0 changed, 0 refused."
+    assert run.written == []
 
 
 @pytest.mark.parametrize(

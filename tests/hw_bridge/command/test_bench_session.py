@@ -329,7 +329,7 @@ def test_a_page_is_looked_at_in_every_cycle_and_sees_live_values(session, monkey
 @pytest.mark.parametrize(("speed", "mark"), [(0.001, ">"), (-0.001, "<"), (0.0, " ")])
 def test_the_line_of_a_jog(capsys, speed, mark):
     node = SimpleNamespace(
-        position=0.001, velocity=-0.002, current=0.256, format_length=lambda value: f"{1e3 * value:.2f} mm"
+        position=0.001, velocity=-0.002, current=0.256, silent=1, format_length=lambda value: f"{1e3 * value:.2f} mm"
     )
     network, state = SimpleNamespace(now=5), SimpleNamespace(anew=False)
     held = SimpleNamespace(
@@ -339,6 +339,7 @@ def test_the_line_of_a_jog(capsys, speed, mark):
         next_line=0,
         note="",
         origin="from start",
+        cycle=5_000_000,
         mean_velocity=lambda: -0.00149,
         counts_anew=lambda: state.anew,
     )
@@ -355,6 +356,12 @@ def test_the_line_of_a_jog(capsys, speed, mark):
     line = capsys.readouterr().out
     values = "position    1.00 mm from start, velocity -1.49 mm/s, current  0.256 A, Quick stop active"
     assert line == f"\r{mark} {values}   upper end (--distance)     \r"
+    node.silent, held.next_line = 56, 0  # its plug was pulled
+    single_axis.show_live(held)
+    shown = capsys.readouterr().out
+    assert shown.endswith("   last known, no data 0.28 s ")
+    assert len(shown) <= 80
+    node.silent = 0
     single_axis.show_live(
         held, is_page=True, is_final=True
     )  # at once, and as it stands: the ramp may have been cut short

@@ -1,10 +1,14 @@
 """Which steps of a commissioning have succeeded: by how their commands end, over restarts."""
 
+from types import SimpleNamespace
+
 import pytest
 
+from hw_bridge.command.bench.single_axis import NO_DATA
 from hw_bridge.command.commissioning_steps import STEPS
 from hw_bridge.command.live_motion import LiveMotion
 from hw_bridge.command.progress import Outcome, StepProgress, outcome
+from hw_bridge.command.running_card import motion_line, motion_state
 
 SILENT = "axis: stopped at 5.70 mm: released.\n\nerror: the operator's page has not answered for 502 ms: stopped.\n"
 STEP = {step.title: step for step in STEPS}
@@ -99,6 +103,22 @@ def test_values_of_a_motion_are_taken_from_its_output():
     motion.begin()
     assert (motion.directions, motion.has_samples, motion.span()) == (set(), False, (0.0, 0.0))
     assert [len(values) for values in motion.read("position", 0.0, 1.0, 100)] == [0, 0]  # an empty chart
+
+
+def test_a_curve_ends_where_process_data_are_missing():
+    motion = LiveMotion()
+    stale = LINE.replace("upper end    ", f"{NO_DATA} 0.28 s")
+    motion.process_output(f"{LINE}\r{stale}\r{stale}\r")
+    assert (motion.no_data_since, motion.position, len(motion.read("position", 0.0, 1.0, 9)[0])) == (
+        "0.00 s",
+        "1.25 mm",
+        1,
+    )
+    typed = SimpleNamespace(motion=motion, running=False, node="axis")
+    assert motion_state(typed)[1] == "No data since 0.00 s: curves end there, values are the last known."
+    assert "Operation enabled, last known" in motion_line(typed)
+    motion.process_output(f"{LINE}\r")
+    assert motion.no_data_since == ""
 
 
 def test_the_curve_of_a_homing_counts_from_the_reference_in_the_end():

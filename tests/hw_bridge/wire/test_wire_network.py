@@ -5,6 +5,7 @@ import gc
 import os
 import time
 import uuid
+from unittest.mock import Mock
 
 import can
 import pytest
@@ -71,6 +72,12 @@ def test_without_permission_for_priority(monkeypatch):
 def test_an_interface_that_cannot_be_opened():
     with pytest.raises(SimulationError, match="nonsense x: cannot be opened"):
         WireNetwork("nonsense", "x", 1_000_000, {})
+
+
+def test_a_system_without_socketcan(monkeypatch):
+    monkeypatch.setattr(can, "Bus", Mock(side_effect=OSError(errno.EAFNOSUPPORT, "Address family not supported")))
+    with pytest.raises(SimulationError, match=r"SocketCAN is missing here\. Use -i slcan"):
+        WireNetwork("socketcan", "can7", 1_000_000, {})
 
 
 @pytest.mark.parametrize(
