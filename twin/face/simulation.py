@@ -229,7 +229,7 @@ class Simulation:
         return declaration
 
     def __setitem__(self, name: str, value: Any) -> None:
-        """Set a tunable parameter or a free input, as text with a unit or in SI, from the member's next step on."""
+        """Set a tunable parameter or a free input, as text with a unit or a number in its own unit, from the member's next step on."""
         self._happen("set", name, value)
 
     def override(self, name: str, value: Any) -> None:
@@ -237,7 +237,7 @@ class Simulation:
         self._happen("override", name, value)
 
     def release(self, name: str) -> None:
-        """End an override."""
+        """End an override; TwinError if there is none."""
         self._happen("release", name)
 
     def _happen(self, kind: str, name: str, value: Any = None) -> None:
@@ -247,6 +247,8 @@ class Simulation:
         event = EventSpec(self._simulated.time, kind, name, finite(value, f"{WHERE}: {name}"), WHERE)
         if problems := event_problems(event, self._catalog, self._targets):
             raise CouplingError(problems)
+        if kind == "release" and name not in self._overridden:
+            raise TwinError(f"{WHERE}: {name} is not overridden. {'; '.join(self._overridden) or 'Nothing'} is.")
         apply_event(event, self._case, self._simulated, self._catalog)
         if self._remarks is not None and value is not None:
             self._note_implausible(name, value, self._remarks)
@@ -319,10 +321,15 @@ class Simulation:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    @property
+    def _overridden(self) -> list[str]:
+        return [".".join(key) for key in self._simulated.overridden]
+
     def __repr__(self) -> str:
         state = self.reason or ("running" if self._close.alive else "closed")
-        members = ", ".join(self._catalog)
-        return f"<Simulation of {self._case.name} at {clock.text(self._simulated.time)}: {state}; members {members}>"
+        parts = {"members": list(self._catalog), "overridden": self._overridden}
+        lists = "; ".join(f"{what} {', '.join(names)}" for what, names in parts.items() if names)
+        return f"<Simulation of {self._case.name} at {clock.text(self._simulated.time)}: {state}; {lists}>"
 
 
 def sourceless(classes: Iterable[type[Component] | None]) -> list[str]:
