@@ -171,6 +171,12 @@ def test_an_override_holds_until_it_is_released(build):
         given = {simulation["wave.position"], simulation["drive.target_position"]}
         assert given == {simulation.results["wave.position"].iloc[-1], 0.02} == {0.02}
         simulation.release("wave.position")
+    figure = simulation.plot("wave.position", "drive.position - wave.position", interactive=False)
+    assert [len(axis.lines) for axis in figure.axes] == [2]
+    with pytest.raises(
+        UnknownNameError, match=r"simulation: 'wave\.postion' was not recorded\. Did you mean 'wave\.position'"
+    ):
+        simulation.plot("wave.postion")
         simulation.advance("2 s")
         assert abs(simulation["drive.position"]) < 0.015
 

@@ -194,7 +194,7 @@ class Scenario:
         remarks = partial(value_remarks, self.checked, case, catalog)
         chosen = Backend(choice(backend, Backend, "backend"))
         with progress_callback(None, f"preparing {self.title}"):
-            simulation = Simulation(case, catalog, chosen, Path(build), True, False, remarks)
+            simulation = Simulation(case, catalog, chosen, Path(build), True, False, remarks, self.checked.plots)
         simulation.notes += [line for line in remarks_on_values(self.checked, catalogs) if line.startswith(WARNING)]
         return simulation
 

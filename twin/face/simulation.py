@@ -6,6 +6,7 @@ import logging
 import threading
 import time as wall
 import weakref
+from dataclasses import replace
 from html import escape
 from math import inf
 from typing import TYPE_CHECKING, Any, Self
@@ -18,13 +19,15 @@ from twin.errors import CouplingError, SimulationError, TwinError, UnknownNameEr
 from twin.face import notebook
 from twin.face.arrays import frame
 from twin.face.conversions import convert, finite, nanoseconds, override_text
+from twin.face.signal_plots import SignalPlots
 from twin.files import split_unit
 from twin.live import Pace, checked_rate
-from twin.run import WARNING, apply_event, build_simulation, recorded_signals
+from twin.results import RecordedVariable
+from twin.run import WARNING, apply_event, build_simulation, event_rows, recorded_signals
 from twin.scenario import Backend, EventSpec, event_problems, has_source
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Sequence
     from pathlib import Path
 
     import pandas as pd
@@ -32,14 +35,14 @@ if TYPE_CHECKING:
 
     from twin.component import Component
     from twin.coupling import Catalog, MemberVariable
-    from twin.results import Signals
+    from twin.results import EventLine, Plot, Signals
     from twin.scenario import Case
 
 WHERE = "simulation"  # in messages
 BUFFER_BYTES = 1 << 20  # for rows; small, since many short simulations are common
 
 
-class Simulation:
+class Simulation(SignalPlots):
     """Running members: `simulation["member.variable"]` reads and writes, `advance` advances the time.
 
     Use it in a `with` statement: at its end all members are freed, and `results` stay.
@@ -54,7 +57,9 @@ class Simulation:
         stops: bool,
         silent: bool,
         remarks: Callable[[str, str], list[str]] | None = None,
+        plots: Sequence[Plot] = (),
     ) -> None:
+        self._where, self._scenario_plots = WHERE, plots
         self._case, self._remarks = case, remarks
         self._targets = {connection.target for connection in case.system(catalog).single()[0]}
         self.notes = (
@@ -284,11 +289,46 @@ class Simulation:
     @property
     def results(self) -> pd.DataFrame:
         """Recorded signals: column `time` [s], then one for each scalar; units in `.attrs["units"]`."""
-        signals = self._signals or self._recorded()
+        signals = self._recording()
         return frame(signals.time, signals.values, signals.units)
 
-    def _recorded(self) -> Signals:
-        return recorded_signals(self._simulated, True)
+    def _recording(self) -> Signals:
+        return self._signals or recorded_signals(self._simulated, True)
+
+    @property
+    def variants(self) -> tuple[str, ...]:
+        """Its variant."""
+        return (self._case.variant,)
+
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """Its random seed."""
+        return (self._case.seed,)
+
+    @property
+    def _plots(self) -> Sequence[Plot]:
+        return self._scenario_plots
+
+    @property
+    def _event_lines(self) -> list[EventLine]:
+        return [row.annotation for row in event_rows([self._case])]
+
+    @property
+    def _recorded(self) -> dict[str, RecordedVariable]:
+        variables = {f"{member}.{name}": item for member, own in self._catalog.items() for name, item in own.items()}
+        return {
+            name: RecordedVariable(
+                name, values.dtype, values.shape[1:], variables[name].unit, variables[name].display_unit
+            )
+            for name, values in self._recording().values.items()
+        }
+
+    _declared = _recorded
+
+    def _cases(self, names: Iterable[str]) -> dict[tuple[str, int], Signals]:
+        recording = self._recording()
+        values = {name: values for name, values in recording.values.items() if name in set(names)}
+        return {(self._case.variant, self._case.seed): replace(recording, values=values)}
 
     def _repr_html_(self) -> str:
         """Return the outputs with their units, for notebooks."""
@@ -312,7 +352,7 @@ class Simulation:
         self._is_closing = True  # ends `advance` in another thread
         with self._lock:
             if self._close.alive:
-                self._signals = self._recorded()
+                self._signals = self._recording()
                 self._close()
 
     def __enter__(self) -> Self:
