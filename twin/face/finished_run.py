@@ -20,7 +20,7 @@ from twin.face.signal_names import (
     names_of,
     variants_with,
 )
-from twin.face.signal_plots import OPERATORS, SignalPlots
+from twin.face.signal_plots import OPERATORS, PlotSource, SignalPlots
 from twin.files import split_unit
 from twin.results import (
     Plot,
@@ -40,7 +40,7 @@ from twin.run import RunOptions, event_rows
 from twin.scenario import lint
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     import pandas as pd
     import xarray as xr
@@ -301,20 +301,29 @@ class Run(SignalPlots):
         return list(self)
 
     @cached_property
-    def _internal(self) -> set[str]:
-        return internal_names(self._checked)
-
-    def _cases(self, names: Iterable[str]) -> Mapping[tuple[str, int], Signals]:
-        return read_variables(self._signals, [self._recorded[name] for name in names if name in self._recorded])
+    def _source(self) -> PlotSource:
+        if not self.variants:
+            raise TwinError(f"{self.folder}: nothing was run. The run failed: {self.reason}")
+        rows = event_rows(self._checked.variants, self.summary.get("conditions", ()))
+        return PlotSource(
+            self.variants,
+            self.seeds,
+            self._declared,
+            self._recorded,
+            internal_names(self._checked),
+            self._checked.plots,
+            [row.annotation for row in rows],
+            lambda names: read_variables(self._signals, [self._recorded[name] for name in names]),
+        )
 
     def _find_recorded(self, name: str) -> RecordedVariable:
         return self.variable(name)
 
-    @property
+    @cached_property
     def _plots(self) -> Sequence[Plot]:
         return self._checked.plots
 
-    @property
+    @cached_property
     def _event_lines(self) -> list[EventLine]:
         rows = event_rows(self._checked.variants, self.summary.get("conditions", ()))
         return [row.annotation for row in rows]

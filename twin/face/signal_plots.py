@@ -6,7 +6,7 @@ import fnmatch
 from abc import abstractmethod
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from twin import clock
 from twin.errors import ScenarioError, TwinError, UnknownNameError, quote_names
@@ -19,7 +19,7 @@ from twin.files import split_unit
 from twin.results import Plot, PlotCurve, Window, dimension, expression, plotting
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
     from twin.results import EventLine, Expression, RecordedVariable, Signals
 
@@ -37,6 +37,19 @@ def in_window(plot: Plot, start: float | str | None, stop: float | str | None) -
     return replace(plot, window=Window(begin, end))
 
 
+class PlotSource(NamedTuple):
+    """Cases to plot. `declared`: recorded by any variant. `internal`: memory of components, which patterns leave out."""
+
+    variants: Sequence[str]
+    seeds: Sequence[int]
+    declared: Mapping[str, RecordedVariable]
+    recorded: Mapping[str, RecordedVariable]
+    internal: Collection[str]
+    plots: Sequence[Plot]
+    event_lines: Sequence[EventLine]
+    cases: Callable[[list[str]], Mapping[tuple[str, int], Signals]]  # with some recorded signals, by variant and seed
+
+
 class SignalPlots:
     """Recorded signals of cases, and their plots."""
 
@@ -44,50 +57,10 @@ class SignalPlots:
 
     @property
     @abstractmethod
-    def variants(self) -> tuple[str, ...]:
-        """Variants that were run."""
-
-    @property
-    @abstractmethod
-    def seeds(self) -> tuple[int, ...]:
-        """Seeds that were run."""
-
-    @property
-    @abstractmethod
-    def reason(self) -> str:
-        """Why it ended early, or nothing."""
-
-    @property
-    @abstractmethod
-    def _plots(self) -> Sequence[Plot]:
-        """Plots of the scenario."""
-
-    @property
-    @abstractmethod
-    def _event_lines(self) -> Sequence[EventLine]:
-        """Events of these cases."""
-
-    @property
-    @abstractmethod
-    def _declared(self) -> Mapping[str, RecordedVariable]:
-        """Variables that any variant records."""
-
-    @property
-    @abstractmethod
-    def _recorded(self) -> Mapping[str, RecordedVariable]:
-        """Variables that were recorded."""
-
-    @property
-    def _internal(self) -> set[str]:
-        """Memory of components, which patterns leave out."""
-        return set()
-
-    @abstractmethod
-    def _cases(self, names: Iterable[str]) -> Mapping[tuple[str, int], Signals]:
-        """Return recorded ones of these signals, by variant and seed."""
+    def _source(self) -> PlotSource: ...
 
     def _find_recorded(self, name: str) -> RecordedVariable:
-        return find_variable(name, self._recorded, self._where)
+        return find_variable(name, self._source.recorded, self._where)
 
     def _parsed(self, text: str, candidates: Iterable[str]) -> Expression:
         """Return an expression of recorded signals; UnknownNameError or TwinError if it is none."""
@@ -97,19 +70,19 @@ class SignalPlots:
             is_expression = any(sign in text.rstrip("*") for sign in OPERATORS)
             reason = f", and {str(error).rstrip('.')}" if is_expression else ""
             raise UnknownNameError(
-                f"{self._where}: {describe_unknown(text, self._recorded, candidates, reason)}"
+                f"{self._where}: {describe_unknown(text, self._source.recorded, candidates, reason)}"
             ) from None
         for signal in parsed.signals:
             self._find_recorded(str(signal))
-        if problem := parsed.array_problem({name: self._recorded[name].shape for name in names_of(parsed)}):
+        if problem := parsed.array_problem({name: self._source.recorded[name].shape for name in names_of(parsed)}):
             raise TwinError(f"{self._where}: {problem}")
         return parsed
 
     def _names_of(self, text: str, names: Iterable[str]) -> list[str]:
         """Return the names with a pattern, without internal states unless there are only such; else the text itself."""
-        is_name = text in self._recorded or array_of(text, self._recorded) is not None
+        is_name = text in self._source.recorded or array_of(text, self._source.recorded) is not None
         matches = [] if is_name else fnmatch.filter(names, text)
-        return [name for name in matches if name not in self._internal] or matches or [text]
+        return [name for name in matches if name not in self._source.internal] or matches or [text]
 
     def plot(
         self,
@@ -134,30 +107,30 @@ class SignalPlots:
             operand for plot in plots for curve in plot.curves for operand in (curve.signal, curve.x) if operand
         ]
         names = dict.fromkeys(
-            signal.name for operand in expressions for signal in operand.signals if signal.name in self._recorded
+            signal.name for operand in expressions for signal in operand.signals if signal.name in self._source.recorded
         )
         chosen: dict[tuple[str, int], Signals] = {}
-        run_variants = dict.fromkeys(self.variants)
+        run_variants = dict.fromkeys(self._source.variants)
         for signals, mark in ((self, ""), (other, plotting.OTHER_RUN)):
             if signals is None:
                 continue
-            run_variants |= dict.fromkeys(signals.variants)
+            run_variants |= dict.fromkeys(signals._source.variants)
             chosen |= {
                 (variant + mark, seed): table
-                for (variant, seed), table in signals._cases(names).items()
-                if variant in (as_list(variants) or signals.variants) and seed in (as_list(seeds) or signals.seeds)
+                for (variant, seed), table in signals._source.cases(
+                    [name for name in names if name in signals._source.recorded]
+                ).items()
+                if variant in (as_list(variants) or signals._source.variants)
+                and seed in (as_list(seeds) or signals._source.seeds)
             }
-        names_of_cases = (*self.variants, *self.seeds)
+        names_of_cases = (*self._source.variants, *self._source.seeds)
         unknown = [name for name in (*as_list(variants), *as_list(seeds)) if name not in names_of_cases]
         if not chosen or unknown:
-            remedy = (
-                f"There are variants {', '.join(quote_names(self.variants))}; seeds {', '.join(map(str, self.seeds))}."
-                if self.variants
-                else f"The run failed: {self.reason}"
-            )
+            quoted = ", ".join(quote_names(self._source.variants))
+            remedy = f"There are variants {quoted}; seeds {', '.join(map(str, self._source.seeds))}."
             which = f"{unknown[0]!r}" if unknown else "these variants and seeds"
             raise TwinError(f"{self._where}: nothing was run with {which}. {remedy}")
-        arguments = (plots, chosen, self._event_lines, tuple(run_variants))
+        arguments = (plots, chosen, self._source.event_lines, tuple(run_variants))
         if interactive is None:
             interactive = in_notebook() and is_plotly_installed()
         draw = interactive_figure if interactive else plotting.plot_figure
@@ -174,22 +147,22 @@ class SignalPlots:
 
     def _chosen_plots(self, what: Sequence[str], xy: Sequence[str] | None) -> list[Plot]:
         """Return the scenario's plots with these titles, those of signals and `xy`; by default all, or some signals without any."""
-        own = {plot.title: plot for plot in self._plots}
+        own = {plot.title: plot for plot in self._source.plots}
         plots = [self._in_unit(own[title]) for title in (what or own) if title in own and (what or not xy)]
         if xy:
             if isinstance(xy, str) or len(xy) != 2:
                 raise TwinError(
                     f'xy: {xy!r} is not two signals. Give, for example, ("heart.position", "sensor.force").'
                 )
-            (x_unit, across), (unit, up) = (self._with_unit(text, list(self._recorded)) for text in xy)
+            (x_unit, across), (unit, up) = (self._with_unit(text, list(self._source.recorded)) for text in xy)
             curve = PlotCurve(up, up.text, across)
             plots.append(Plot("", (curve,), curve.label, unit, x_unit=x_unit, per_variant=True))
-        scalars = [name for name in self._recorded if not self._recorded[name].shape]
+        scalars = [name for name in self._source.recorded if not self._source.recorded[name].shape]
         signals = [
             name
             for text in what
             if text not in own
-            for name in self._names_of(text, scalars if fnmatch.filter(scalars, text) else self._recorded)
+            for name in self._names_of(text, scalars if fnmatch.filter(scalars, text) else self._source.recorded)
         ]
         plots += self._of_signals(list(dict.fromkeys(signals)), own)
         return plots or self._of_signals(scalars[:4], own)  # a scenario without plots
@@ -198,7 +171,7 @@ class SignalPlots:
         """Return plots of signals, one for each unit."""
         groups: dict[str, list[PlotCurve]] = {}
         for text in texts:
-            unit, parsed = self._with_unit(text, [*titles, *self._recorded])
+            unit, parsed = self._with_unit(text, [*titles, *self._source.recorded])
             groups.setdefault(unit, []).append(PlotCurve(parsed, parsed.text))
         return [
             Plot(
@@ -231,7 +204,7 @@ class SignalPlots:
 
     def _unit(self, parsed: Expression) -> str:
         """Return the display unit of an expression; ScenarioError if dimensions do not match."""
-        variables = {name: self._declared[name] for name in names_of(parsed) if name in self._declared}
+        variables = {name: self._source.declared[name] for name in names_of(parsed) if name in self._source.declared}
         return dimension.preferred_unit(
             self._measure(parsed),
             {name: variable.unit for name, variable in variables.items()},
@@ -241,6 +214,6 @@ class SignalPlots:
     def _measure(self, parsed: Expression) -> dimension.Measure:
         """Return the dimension of an expression; ScenarioError if those of its signals do not match."""
         units: dict[str, str | None] = {
-            name: self._declared[name].unit for name in names_of(parsed) if name in self._declared
+            name: self._source.declared[name].unit for name in names_of(parsed) if name in self._source.declared
         }
         return dimension.expression_measure(parsed, units)

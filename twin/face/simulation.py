@@ -6,7 +6,6 @@ import logging
 import threading
 import time as wall
 import weakref
-from dataclasses import replace
 from html import escape
 from math import inf
 from typing import TYPE_CHECKING, Any, Self
@@ -19,7 +18,7 @@ from twin.errors import CouplingError, SimulationError, TwinError, UnknownNameEr
 from twin.face import notebook
 from twin.face.arrays import frame
 from twin.face.conversions import convert, finite, nanoseconds, override_text
-from twin.face.signal_plots import SignalPlots
+from twin.face.signal_plots import PlotSource, SignalPlots
 from twin.files import split_unit
 from twin.live import Pace, checked_rate
 from twin.results import RecordedVariable
@@ -35,7 +34,7 @@ if TYPE_CHECKING:
 
     from twin.component import Component
     from twin.coupling import Catalog, MemberVariable
-    from twin.results import EventLine, Plot, Signals
+    from twin.results import Plot, Signals
     from twin.scenario import Case
 
 WHERE = "simulation"  # in messages
@@ -59,7 +58,7 @@ class Simulation(SignalPlots):
         remarks: Callable[[str, str], list[str]] | None = None,
         plots: Sequence[Plot] = (),
     ) -> None:
-        self._where, self._scenario_plots = WHERE, plots
+        self._where, self._plots = WHERE, plots
         self._case, self._remarks = case, remarks
         self._targets = {connection.target for connection in case.system(catalog).single()[0]}
         self.notes = (
@@ -296,39 +295,18 @@ class Simulation(SignalPlots):
         return self._signals or recorded_signals(self._simulated, True)
 
     @property
-    def variants(self) -> tuple[str, ...]:
-        """Its variant."""
-        return (self._case.variant,)
-
-    @property
-    def seeds(self) -> tuple[int, ...]:
-        """Its random seed."""
-        return (self._case.seed,)
-
-    @property
-    def _plots(self) -> Sequence[Plot]:
-        return self._scenario_plots
-
-    @property
-    def _event_lines(self) -> list[EventLine]:
-        return [row.annotation for row in event_rows([self._case])]
-
-    @property
-    def _recorded(self) -> dict[str, RecordedVariable]:
-        variables = {f"{member}.{name}": item for member, own in self._catalog.items() for name, item in own.items()}
-        return {
+    def _source(self) -> PlotSource:
+        recording, case = self._recording(), self._case
+        variables = {name: self._find(name).variable for name in recording.values}
+        recorded = {
             name: RecordedVariable(
                 name, values.dtype, values.shape[1:], variables[name].unit, variables[name].display_unit
             )
-            for name, values in self._recording().values.items()
+            for name, values in recording.values.items()
         }
-
-    _declared = _recorded
-
-    def _cases(self, names: Iterable[str]) -> dict[tuple[str, int], Signals]:
-        recording = self._recording()
-        values = {name: values for name, values in recording.values.items() if name in set(names)}
-        return {(self._case.variant, self._case.seed): replace(recording, values=values)}
+        lines = [row.annotation for row in event_rows([case])]
+        cases = {(case.variant, case.seed): recording}
+        return PlotSource([case.variant], [case.seed], recorded, recorded, (), self._plots, lines, lambda _names: cases)
 
     def _repr_html_(self) -> str:
         """Return the outputs with their units, for notebooks."""
