@@ -99,6 +99,7 @@ CASES = {
     "self.y = self.z.sum()": ("asks an array [3] for `sum`", "Write a loop over the elements"),
     "self.y = self.missing": ("is not declared", "Declare it as a variable"),
     "self.y = missing": ("is not defined", "Import or define it"),
+    "self.y = k": ("is not defined", "Write `self.k`"),
     "self.y = unset": (
         "is used before it has a value",
         "Set it first",

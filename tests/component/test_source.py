@@ -82,10 +82,19 @@ MISTAKES = [
         "a = sorted(self.v)",
         "`sorted()` would allocate and cannot stand in a component. Use a PythonComponent for that.",
     ),
-    ("a = np.zeros(3)", "`np.zeros()` allocates an array. Declare a local() with shape=... and loop over it."),
+    (
+        "a = np.zeros(3)",
+        "`np.zeros()` allocates an array. Declare a local() with shape=... and loop over it, or derive from PythonComponent.",
+    ),
     ("a = np.random.normal()", "`np.random.normal()` has no form in C. Use normal of twin.component."),
-    ("a = np.linalg.norm(self.v)", "`np.linalg.norm()` has no form in C. Use a loop over the elements."),
-    ("a = self.v.max()", "`.max()` of an array has no form in C. Write the loop over its elements."),
+    (
+        "a = np.linalg.norm(self.v)",
+        "`np.linalg.norm()` has no form in C. Use a loop over the elements, or derive from PythonComponent.",
+    ),
+    (
+        "a = self.v.max()",
+        "`.max()` of an array has no form in C. Write the loop over its elements, or derive from PythonComponent.",
+    ),
     ("self.vv[0] = 1.0", "`self.vv` is not declared. Did you mean `v`? Known: p, u, v, w, y. Else declare it."),
     ("self.v[2] = self.v[3]", "`self.v[3]` is outside of v, whose indices end at 2. Correct it."),
     ("self.w[1, 2] = self.w[1, 1]", "`self.w[1, 2]` is outside of w, whose indices end at 1. Correct it."),

@@ -85,9 +85,9 @@ def test_a_figure_says_its_cases_and_shows_seeds_as_the_viewer(tmp_path, is_inte
 
 def test_an_interactive_plot_has_a_picture_for_exported_pages(run, monkeypatch):
     """nbconvert shows no data of plotly: its cells were blank."""
-    monkeypatch.setattr("twin.face.finished_run.in_notebook", lambda: True)
+    monkeypatch.setattr("twin.face.signal_plots.in_notebook", lambda: True)
     figure = SimpleNamespace(_repr_mimebundle_=lambda: {"application/vnd.plotly.v1+json": {}})
-    monkeypatch.setattr("twin.face.finished_run.interactive_figure", lambda *_: figure)
+    monkeypatch.setattr("twin.face.signal_plots.interactive_figure", lambda *_: figure)
     bundle = run.plot("sensor.force", interactive=True)._repr_mimebundle_(include=None, exclude=None)
     assert bundle["text/html"].startswith('<div class="twin">')
     assert "<svg" in bundle["text/html"]
@@ -196,6 +196,38 @@ def test_plots_of_signals_are_grouped_by_unit(run, drawn):
     ]
 
 
+def test_two_runs_in_one_plot(run):
+    """In the same color, the other dashed; the panel of a variant shows it of both."""
+    cases = {("PI", 1): (TIME, {"sensor.force": TIME, "tip.position": TIME, "tip.depth": TIME})}
+    other = open_run(folder_of(run.folder.parent / "other", cases, [FORCE, PLACE, DEPTH]))
+
+    def curves(figure):
+        return [(line.get_label(), line.get_color(), line.get_linestyle()) for line in figure.axes[0].lines]
+
+    figure = run.plot("sensor.force", variants="PI", other=other, interactive=False)
+    blue, orange = plotting.COLORS[:2]
+    assert curves(figure) == [("PI", blue, "-"), ("PI (other run)", blue, "--")]
+    assert curves(run.plot("tip.position", "tip.depth", other=other, interactive=False)) == [
+        (f"{name}{mark}", color, style)
+        for mark, style in (("", "-"), (plotting.OTHER_RUN, "--"))
+        for name, color in (("tip.position", blue), ("tip.depth", orange))
+    ]
+
+
+def test_an_expression_is_named_where_its_axis_is_too_short(run):
+    text = "sensor.force - 2 * sensor.force + 3 * sensor.force"
+    figure = run.plot(text, variants="PI", seeds=1, interactive=False)
+    assert (figure._suptitle.get_text(), figure.axes[0].get_ylabel()) == (f"{text}: PI, seed 1", "force [N]")
+
+
+def test_a_signal_has_one_color_whatever_variants_are_run(run, tmp_path):
+    values = {"tip.position": TIME, "tip.depth": TIME}
+    single = open_run(folder_of(tmp_path / "single", {("PI", 1): (TIME, values)}, [PLACE, DEPTH]))
+    for each in (run, single):
+        figure = each.plot("tip.position", "tip.depth", interactive=False)
+        assert [line.get_color() for line in figure.axes[0].lines] == list(plotting.COLORS[:2])
+
+
 def test_a_plot_of_some_time_or_over_a_signal(run):
     """In the words of a simulation and of a scenario: `start`, `stop`, `xy`."""
     for what in ("Place", "tip.position"):
@@ -273,9 +305,10 @@ def test_what_cannot_be_plotted(run, drawn, monkeypatch):
         run.plot("Place", start=5)
     with pytest.raises(TwinError, match=r"none of the signals was recorded in these variants\. Choose others\."):
         run.plot("Place")
-    run.summary["cases"], run.summary["reason"] = [], "no bus."
-    with pytest.raises(TwinError, match=r"nothing was run with 'PID'\. The run failed: no bus\."):
-        run.plot("Place", variants="PID")
+    failed = open_run(run.folder)
+    failed.summary["cases"], failed.summary["reason"] = [], "no bus."
+    with pytest.raises(TwinError, match=r"nothing was run\. The run failed: no bus\."):
+        failed.plot("Place", variants="PID")
 
 
 def test_a_run_is_pickled_by_its_folder(run):

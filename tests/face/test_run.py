@@ -560,6 +560,7 @@ def test_type_checkers_know_values_and_tables(tmp_path):
         + "".join(f"    {name} = {text}\n" for name, text in fields.items())
         + '    def step(self, t: float, h: float) -> None:\n        self.force = "1 N"\n        self.row[0] = self.gain\n'
         + 'reveal_type(C().gain)\nreveal_type(twin.live("x")["y"])\nreveal_type(twin.run("x")["y"])\n'
+        + 'twin.run("x", backend="nativ")\ntwin.live("x", backend="nativ")\ntwin.export("x", fmi="3")\n'
     )
     environment = {**os.environ, "MYPYPATH": str(Path(twin.__file__).parents[1])}
     command = [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", "typed.py"]
@@ -567,6 +568,7 @@ def test_type_checkers_know_values_and_tables(tmp_path):
     lines = [line.partition("typed.py:")[2] for line in done.stdout.splitlines() if line.startswith("typed.py:")]
     assert lines[0].startswith("9: error: Incompatible types in assignment")
     assert ['"float"' in lines[1], '"float | numpy.ndarray' in lines[2], "DataArray" in lines[3]] == [True] * 3
+    assert [line.rpartition("; expected ")[2][:8] for line in lines[4:]] == ['"Literal'] * 3
 
 
 def test_a_method_of_a_run_is_found_by_its_name():

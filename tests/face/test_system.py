@@ -10,7 +10,7 @@ import pytest
 import twin
 from tests.face.parts import Fails, Slow, Types
 from twin import coupling
-from twin.errors import CouplingError, ScenarioError, SimulationError, UnknownNameError
+from twin.errors import CouplingError, ScenarioError, SimulationError, TwinError, UnknownNameError
 
 
 @pytest.fixture
@@ -161,7 +161,22 @@ def test_an_override_holds_until_it_is_released(build):
         simulation.override("drive.target_position", "20 mm")
         simulation.advance("2 s")
         assert simulation["drive.position"] == pytest.approx(0.02, abs=1e-3)
+        assert "; overridden drive.target_position>" in repr(simulation)
         simulation.release("drive.target_position")
+        assert "overridden" not in repr(simulation)
+        with pytest.raises(TwinError, match=r"drive\.target_position is not overridden\. Nothing is\."):
+            simulation.release("drive.target_position")
+        simulation.override("wave.position", "20 mm")
+        simulation.advance("1 s")
+        given = {simulation["wave.position"], simulation["drive.target_position"]}
+        assert given == {simulation.results["wave.position"].iloc[-1], 0.02} == {0.02}
+        simulation.release("wave.position")
+    figure = simulation.plot("wave.position", "drive.position - wave.position", interactive=False)
+    assert [len(axis.lines) for axis in figure.axes] == [2]
+    with pytest.raises(
+        UnknownNameError, match=r"simulation: 'wave\.postion' was not recorded\. Did you mean 'wave\.position'"
+    ):
+        simulation.plot("wave.postion")
         simulation.advance("2 s")
         assert abs(simulation["drive.position"]) < 0.015
 

@@ -5,6 +5,7 @@ Over 400 lines: signals, metrics and verdicts are compared in the same two made-
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from twin.results.resampling import resample
 from twin.results.summary_comparison import (
     MetricChange,
     Missing,
+    VerdictChange,
     compare_summaries,
     is_close,
     is_convertible,
@@ -317,9 +319,15 @@ def test_metrics_of_both_runs_are_a_table() -> None:
         ("force", "FF=PI", -50.0, 110.0)
     ]
     assert MetricChange("m", "PI", "", 0.0, -2.0).relative == -INF
-    html = Comparison((), ("a",), (), 0.0, (), changes)._repr_html_()
-    assert html.startswith("<p>The runs differ: no signal in common")
-    assert "<td>force</td>" in html
+    difference = Difference("tip.position", "PI", 1, 0.002, 0.25, 1.0, "mm")
+    html = Comparison(
+        (difference,), ("a",), (), 0.0, (), changes, (VerdictChange("contact", "pass", "fail"),)
+    )._repr_html_()
+    assert html.startswith("<p>The runs differ: 1 of 1 signals")
+    cells = re.findall("<td(?: style=.text-align: (left).)?>([^<]*)</td>", html)
+    for text in ("force", "contact", "fail", "tip.position"):  # notebooks align text right
+        assert ("left", text) in cells
+    assert [text for _, text in cells if "%" in text] == ["25 %", "-100 %", "10 %", "0 %"]
     assert "<table" not in Comparison((), (), (), 0.0)._repr_html_()
 
 

@@ -23,14 +23,15 @@ if TYPE_CHECKING:
 
     from twin.component.component import Component
 
+IMPORT = "Import at the top of the module; for NumPy and other packages derive from PythonComponent"
 # construct: why it cannot be, and what to write instead
 FORBIDDEN: dict[type[ast.AST], tuple[str, str]] = {
     ast.Raise: ("`raise` is lost in native code", "Return a status (`-> int`, ERROR of twin.solver) instead"),
     ast.Try: ("`try` cannot be compiled", "Test for the case before it happens"),
     ast.With: ("`with` cannot be compiled", "Components do no I/O; use a PythonComponent"),
     ast.Assert: ("`assert` is lost in native code", "Return a status instead"),
-    ast.Import: ("`import` inside a function cannot be compiled", "Import at the top of the module"),
-    ast.ImportFrom: ("`import` inside a function cannot be compiled", "Import at the top of the module"),
+    ast.Import: ("`import` inside a function cannot be compiled", IMPORT),
+    ast.ImportFrom: ("`import` inside a function cannot be compiled", IMPORT),
     ast.Global: ("`global` cannot be compiled", "Declare a local() variable"),
     ast.Lambda: ("`lambda` cannot be compiled", "Write a function in the module"),
     ast.ListComp: ("a list allocates", "Declare an array with shape=... and loop over its elements"),
@@ -142,7 +143,8 @@ def _problems(
 ) -> Iterator[tuple[ast.AST, str]]:
     variables = {variable.name: variable for variable in cls.variables}
     me = function.__code__.co_varnames[0] if function.__code__.co_argcount else "self"
-    for node in ast.walk(tree):
+    nodes = list(ast.walk(tree))
+    for node in [node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom)] or nodes:
         if type(node) in FORBIDDEN:
             yield node, ". ".join(FORBIDDEN[type(node)])
         elif isinstance(node, ast.Call):
@@ -182,13 +184,20 @@ def _call_problems(node: ast.Call, function: FunctionType) -> Iterator[tuple[ast
         if module and called.attr in ARRAYS:
             yield (
                 node,
-                f"`{ast.unparse(called)}()` allocates an array. Declare a local() with shape=... and loop over it",
+                f"`{ast.unparse(called)}()` allocates an array. Declare a local() with shape=... and loop over it, or derive from PythonComponent",
             )
         elif isinstance(base, ast.Attribute) and base.attr in ("random", "linalg"):
-            instead = "normal of twin.component" if base.attr == "random" else "a loop over the elements"
+            instead = (
+                "normal of twin.component"
+                if base.attr == "random"
+                else "a loop over the elements, or derive from PythonComponent"
+            )
             yield node, f"`{ast.unparse(called)}()` has no form in C. Use {instead}"
         elif not module and called.attr in METHODS:
-            yield node, f"`.{called.attr}()` of an array has no form in C. Write the loop over its elements"
+            yield (
+                node,
+                f"`.{called.attr}()` of an array has no form in C. Write the loop over its elements, or derive from PythonComponent",
+            )
 
 
 def _write_problems(

@@ -333,9 +333,9 @@ class CoSimulation(StepFailures):
                 progress(self.time)
 
     def value(self, key: Key) -> np.ndarray[Any, Any]:
-        """Return a variable as published at the communication point reached: never ahead of it, also for slow members."""
+        """Return what readers get at the communication point reached: never ahead of it, also for slow members."""
         variable = self.members[key[0]].variables[key[1]]
-        if address := self.plan.published.get(key) or self.plan.staged.get(key):
+        if address := self._overrides.active.get(key) or self.plan.published.get(key) or self.plan.staged.get(key):
             return view(address, variable).copy().reshape(variable.shape)
         return np.asarray(self.members[key[0]].get(key[1]))
 
@@ -368,6 +368,11 @@ class CoSimulation(StepFailures):
         else:
             self._overrides.set(key, value)
         self._tables.merge_records(self.state)
+
+    @property
+    def overridden(self) -> tuple[Key, ...]:
+        """Variables whose readers get another value."""
+        return tuple(self._overrides.active)
 
     def release(self, key: Key, element: int | None = None) -> None:
         """End an override."""

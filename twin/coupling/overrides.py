@@ -23,6 +23,7 @@ class Overrides:
     def __init__(self, tables: Tables, members: Mapping[str, Member]) -> None:
         self.tables, self.plan, self.members = tables, tables.plan, members
         self._shadows: dict[Key, int] = {}  # addresses of overriding values
+        self.active: dict[Key, int] = {}  # those that readers get now
         self._elements: dict[tuple[Key, int], np.ndarray[Any, Any]] = {}  # overridden elements
 
     def set(self, key: Key, value: Any) -> None:
@@ -31,6 +32,7 @@ class Overrides:
         rows = self._rows(key)
         if key not in self._shadows:
             self._shadows[key] = self.plan.memory.take(8 * variable.size)
+        self.active[key] = self._shadows[key]
         view(self._shadows[key], variable)[:] = np.ravel(np.asarray(value, variable.dtype))
         for table, row, column, offset in rows:
             entry = self.tables.arrays[table][row]
@@ -42,6 +44,7 @@ class Overrides:
         """End an override: readers get the published value again, an input its source."""
         for table, row, _, _ in self._rows(key):
             self.tables.reset(table, row)
+        self.active.pop(key, None)
 
     def set_element(self, key: Key, element: int, value: Any) -> None:
         """Publish `value` for an element until it is changed; None: publish the member's own value again."""

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from twin.scenario import duration, scenario_paths
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+BackendName = Literal["fmu", "compiled", "interpreted"]
 OPTION = re.compile(r"--([a-z]+(?:-[a-z]+)*)(?: (?=[\d\"]))?(\d+[a-z]+)?")
 ARGUMENTS = {  # arguments of Python by option of the command line, where the names differ
     "set": "set ",

@@ -1,48 +1,38 @@
-"""A run in Python: metrics, signals and plots, read from the run's folder on demand.
-
-Over 400 lines: all that a person does with a run.
-"""
+"""A run in Python: metrics, signals and plots, read from the run's folder on demand."""
 
 from __future__ import annotations
 
-import fnmatch
 import json
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 from twin import clock
 from twin.errors import ScenarioError, SimulationError, TwinError, UnknownNameError, quote_names
 from twin.face import arrays, notebook
-from twin.face.conversions import as_list, choice, mapping, nanoseconds, override_text, python_option_names
-from twin.face.interactive import interactive_figure, is_plotly_installed, show_still_beside
-from twin.face.progress import in_notebook
+from twin.face.conversions import choice, mapping, nanoseconds, override_text, python_option_names
 from twin.face.signal_names import (
     array_of,
-    describe_unknown,
     find_variable,
     flatten,
     internal_names,
     names_of,
     variants_with,
 )
+from twin.face.signal_plots import OPERATORS, PlotSource, SignalPlots
 from twin.files import split_unit
 from twin.results import (
     Plot,
-    PlotCurve,
     RecordedVariable,
     Signals,
-    Window,
     compare_runs,
     dimension,
     export,
-    expression,
     find_results,
     list_empty_columns,
     list_recorded_variables,
     newer_note,
-    plotting,
     read_variables,
     si_conversion,
 )
@@ -50,13 +40,13 @@ from twin.run import RunOptions, event_rows
 from twin.scenario import lint
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     import pandas as pd
     import xarray as xr
 
     from twin.face.scenario import Scenario
-    from twin.results import Comparison, Expression
+    from twin.results import Comparison, EventLine
     from twin.scenario import ScenarioSpec
 
 
@@ -71,18 +61,6 @@ def open_run(path: str | Path) -> Run:
 
 
 CARD_WIDTH = 6.4  # of the plot in a notebook [in]: its letters stay legible where the notebook is narrow
-OPERATORS = "+-*/(<>="  # signs that an expression has, and few names
-
-
-def in_window(plot: Plot, start: float | str | None, stop: float | str | None) -> Plot:
-    """Return a plot from `start` to `stop`, each that of the plot if None."""
-    begin = plot.window.start_ns if start is None else nanoseconds(start, "start")
-    end = plot.window.stop_ns if stop is None else nanoseconds(stop, "stop")
-    if begin is not None and end is not None and begin >= end:
-        raise TwinError(
-            f"start: {clock.text(begin)} is not before {clock.text(end)}. Give an earlier start, or a later stop."
-        )
-    return replace(plot, window=Window(begin, end))
 
 
 def checked_run(folder: Path, scenario: Scenario | None = None, notes: Sequence[str] = ()) -> Run:
@@ -100,7 +78,7 @@ def checked_run(folder: Path, scenario: Scenario | None = None, notes: Sequence[
     raise error
 
 
-class Run:
+class Run(SignalPlots):
     """Results of a scenario: `metrics`, signals as `run["member.variable"]`, `plot`, `report`.
 
     `list(run)`: names of recorded signals; `summary`: content of summary.json. All else is read on demand.
@@ -115,7 +93,7 @@ class Run:
         if not isinstance(self.summary, dict):
             raise TwinError(f"{folder / 'summary.json'}: is not a JSON object. Run the scenario again.")
         self.notes: list[str] = [*notes, *self.summary.get("notes", [])]
-        self._scenario = scenario
+        self._scenario, self._where = scenario, str(folder)
 
     @property
     def status(self) -> str:
@@ -232,7 +210,7 @@ class Run:
         if others and not set(others) & set(self.variants):
             these = f"{', '.join(quote_names(self.variants))} {'have' if len(self.variants) > 1 else 'has'}"
             raise UnknownNameError(f"{self.folder}: {these} no {name!r}. Run {' or '.join(quote_names(others))}.")
-        return find_variable(name, self._recorded, self.folder)
+        return find_variable(name, self._recorded, self._where)
 
     @overload
     def __getitem__(self, name: str) -> xr.DataArray: ...
@@ -246,7 +224,7 @@ class Run:
         """
         if not self.variants:
             raise TwinError(f"{self.folder}: no case has run, so there are no signals. {self.reason}".rstrip())
-        if isinstance(name, list) or (isinstance(name, str) and self._names_of(name, self) != [name]):
+        if isinstance(name, list) or (isinstance(name, str) and self._names_of(name, self._recorded) != [name]):
             variables = self._matching([name])
             return arrays.dataset(variables, read_variables(self._signals, variables), self.variants, self.seeds)
         if not isinstance(name, str):
@@ -254,7 +232,7 @@ class Run:
             raise UnknownNameError(f"{self.folder}: {name!r} is not the name of a signal. Use, for example, {example}.")
         base, symbol = split_unit(name)
         if symbol and name not in self:
-            is_difference = base not in self and dimension.is_difference(self._parsed(base, list(self)))
+            is_difference = base not in self and dimension.is_difference(self._parsed(base, self._recorded))
             return arrays.in_unit(self[base], symbol, is_difference)
         if name not in self and array_of(name, self._recorded) is None and any(sign in name for sign in OPERATORS):
             return self._evaluated(name)
@@ -264,7 +242,7 @@ class Run:
 
     def _evaluated(self, text: str) -> xr.DataArray:
         """Return the values of an expression, in the unit that follows from those of its signals, if known."""
-        parsed = self._parsed(text, list(self))
+        parsed = self._parsed(text, self._recorded)
         measure = self._measure(parsed)
         symbol = measure.unit
         factor, offset = si_conversion(symbol, dimension.is_difference(parsed))
@@ -277,22 +255,6 @@ class Run:
             del values.attrs["units"]  # unknown; "" means dimensionless
         return values
 
-    def _parsed(self, text: str, candidates: Sequence[str]) -> Expression:
-        """Return an expression of recorded signals; UnknownNameError or TwinError if it is none."""
-        try:
-            parsed = expression.parse(text)
-        except ScenarioError as error:
-            is_expression = any(sign in text.rstrip("*") for sign in OPERATORS)
-            reason = f", and {str(error).rstrip('.')}" if is_expression else ""
-            raise UnknownNameError(
-                f"{self.folder}: {describe_unknown(text, self._recorded, candidates, reason)}"
-            ) from None
-        for signal in parsed.signals:
-            self.variable(str(signal))
-        if problem := parsed.array_problem({name: self._recorded[name].shape for name in names_of(parsed)}):
-            raise TwinError(f"{self.folder}: {problem}")
-        return parsed
-
     def to_dataframe(self, *patterns: str | Sequence[str]) -> pd.DataFrame:
         """Return all samples: columns `variant`, `seed`, `time` [s], and one for each scalar; units in `.attrs["units"]`.
 
@@ -300,20 +262,10 @@ class Run:
         """
         return arrays.samples(self._signals, self._matching(patterns))
 
-    @cached_property
-    def _internal(self) -> set[str]:
-        return internal_names(self._checked)
-
     def _matching(self, patterns: Sequence[str | Sequence[str]]) -> list[RecordedVariable]:
         """Return the variables with these names or patterns, all without any; UnknownNameError if there is none of one."""
-        names = [name for text in flatten(patterns) for name in self._names_of(text, self)]
+        names = [name for text in flatten(patterns) for name in self._names_of(text, self._recorded)]
         return [self.variable(name) for name in dict.fromkeys(names if patterns else self)]
-
-    def _names_of(self, text: str, names: Iterable[str]) -> list[str]:
-        """Return the names with a pattern, without internal states unless there are only such; else the text itself."""
-        is_name = text in self or array_of(text, self._recorded) is not None
-        matches = [] if is_name else fnmatch.filter(names, text)
-        return [name for name in matches if name not in self._internal] or matches or [text]
 
     def export(self, path: str | Path, *patterns: str | Sequence[str]) -> Path:
         """Write signals of all cases for other tools: .csv, .mat (MATLAB) or .mcap; return the path. `patterns`: as of `to_dataframe`."""
@@ -348,137 +300,43 @@ class Run:
     def _ipython_key_completions_(self) -> list[str]:
         return list(self)
 
-    def plot(
-        self,
-        *what: str | Sequence[str],
-        variants: str | Sequence[str] = (),
-        seeds: int | Sequence[int] = (),
-        start: float | str | None = None,
-        stop: float | str | None = None,
-        xy: tuple[str, str] | None = None,
-        interactive: bool | None = None,
-    ) -> Any:
-        """Return a figure: plots of the scenario by title, or any signals, one panel for each unit.
-
-        Signals may be patterns, such as `sensor.*`, or expressions, such as `abs(sensor.force - controller.setpoint)`. Without
-        names: all plots. `start`, `stop`: times, such as `"12 s"`, instead of those of the plots. `xy`: a signal and the one over
-        which it is plotted, horizontal first, as in a scenario. Of several seeds the mean and the range. `interactive`: as a figure of plotly instead of Matplotlib; by
-        default in notebooks if it is installed.
-        """
-        plots = [in_window(plot, start, stop) for plot in self._chosen_plots(flatten(what), xy)]
-        expressions = [
-            operand for plot in plots for curve in plot.curves for operand in (curve.signal, curve.x) if operand
-        ]
-        names = dict.fromkeys(
-            signal.name for operand in expressions for signal in operand.signals if signal.name in self
-        )
-        cases = read_variables(self._signals, [self._recorded[name] for name in names])
-        chosen = {
-            (variant, seed): signals
-            for (variant, seed), signals in cases.items()
-            if variant in (as_list(variants) or self.variants) and seed in (as_list(seeds) or self.seeds)
-        }
-        names_of_cases = (*self.variants, *self.seeds)
-        unknown = [name for name in (*as_list(variants), *as_list(seeds)) if name not in names_of_cases]
-        if not chosen or unknown:
-            remedy = (
-                f"There are variants {', '.join(quote_names(self.variants))}; seeds {', '.join(map(str, self.seeds))}."
-                if self.variants
-                else f"The run failed: {self.reason}"
-            )
-            which = f"{unknown[0]!r}" if unknown else "these variants and seeds"
-            raise TwinError(f"{self.folder}: nothing was run with {which}. {remedy}")
-        marks = [row.annotation for row in event_rows(self._checked.variants, self.summary.get("conditions", ()))]
-        if interactive is None:
-            interactive = in_notebook() and is_plotly_installed()
-        draw = interactive_figure if interactive else plotting.plot_figure
-        if (figure := draw(plots, chosen, marks, self.variants)) is None:
-            during = "" if start is None and stop is None else " and at these times"
-            raise TwinError(
-                f"{self.folder}: none of the signals was recorded in these variants{during}. Choose others."
-            )
-        if not interactive:
-            figure._repr_html_ = partial(notebook.figure, figure)
-        elif in_notebook():
-            show_still_beside(figure, partial(plotting.plot_figure, plots, chosen, marks, self.variants))
-        return figure
-
-    def _chosen_plots(self, what: Sequence[str], xy: Sequence[str] | None) -> list[Plot]:
-        """Return the scenario's plots with these titles, those of signals and `xy`; by default all, or some signals without any."""
-        own = {plot.title: plot for plot in self._checked.plots}
-        plots = [self._in_unit(own[title]) for title in (what or own) if title in own and (what or not xy)]
-        if xy:
-            if isinstance(xy, str) or len(xy) != 2:
-                raise TwinError(
-                    f'xy: {xy!r} is not two signals. Give, for example, ("heart.position", "sensor.force").'
-                )
-            (x_unit, across), (unit, up) = (self._with_unit(text, [*self]) for text in xy)
-            curve = PlotCurve(up, up.text, across)
-            plots.append(Plot("", (curve,), curve.label, unit, x_unit=x_unit, per_variant=True))
-        scalars = [name for name in self if not self._recorded[name].shape]
-        signals = [
-            name
-            for text in what
-            if text not in own
-            for name in self._names_of(text, scalars if fnmatch.filter(scalars, text) else self)
-        ]
-        plots += self._of_signals(list(dict.fromkeys(signals)), own)
-        return plots or self._of_signals(scalars[:4], own)  # a scenario without plots
-
-    def _of_signals(self, texts: list[str], titles: dict[str, Plot]) -> list[Plot]:
-        """Return plots of signals, one for each unit."""
-        groups: dict[str, list[PlotCurve]] = {}
-        for text in texts:
-            unit, parsed = self._with_unit(text, [*titles, *self])
-            groups.setdefault(unit, []).append(PlotCurve(parsed, parsed.text))
-        return [
-            Plot(
-                "",
-                tuple(curves),
-                label=curves[0].label if len(curves) == 1 else "",
-                unit=unit,
-                per_variant=len(curves) > 1,
-            )
-            for unit, curves in groups.items()
-        ]
-
-    def _with_unit(self, text: str, candidates: Sequence[str]) -> tuple[str, Expression]:
-        """Return the unit of an expression and itself: that of `sensor.force [mN]`, else its display unit."""
-        base, symbol = split_unit(text)
-        parsed = self._parsed(base, candidates)
-        if symbol and not self._measure(parsed).converts_to(symbol, is_scaled=False):
-            raise TwinError(f"{base} {self._measure(parsed).text}, which does not convert to {symbol}.")
-        return symbol or self._unit(parsed), parsed
-
-    def _in_unit(self, plot: Plot) -> Plot:
-        """Return a plot in the unit of its first signal if it has none and all signals have one dimension."""
-        units = {self._unit(curve.signal) for curve in plot.curves}
-        across = {self._unit(curve.x) for curve in plot.curves if curve.x is not None}
-        return replace(
-            plot,
-            unit=plot.unit or (units.pop() if len(units) == 1 else ""),
-            x_unit=plot.x_unit or (across.pop() if len(across) == 1 else ""),
+    @cached_property
+    def _source(self) -> PlotSource:
+        if not self.variants:
+            raise TwinError(f"{self.folder}: nothing was run. The run failed: {self.reason}")
+        rows = event_rows(self._checked.variants, self.summary.get("conditions", ()))
+        return PlotSource(
+            self.variants,
+            self.seeds,
+            self._declared,
+            self._recorded,
+            internal_names(self._checked),
+            self._checked.plots,
+            [row.annotation for row in rows],
+            lambda names: read_variables(self._signals, [self._recorded[name] for name in names]),
         )
 
-    def _unit(self, parsed: Expression) -> str:
-        """Return the display unit of an expression; ScenarioError if dimensions do not match."""
-        variables = {name: self._declared[name] for name in names_of(parsed) if name in self._declared}
-        return dimension.preferred_unit(
-            self._measure(parsed),
-            {name: variable.unit for name, variable in variables.items()},
-            {name: variable.display_unit for name, variable in variables.items()},
-        )
+    def _find_recorded(self, name: str) -> RecordedVariable:
+        return self.variable(name)
 
-    def _measure(self, parsed: Expression) -> dimension.Measure:
-        """Return the dimension of an expression; ScenarioError if those of its signals do not match."""
-        units: dict[str, str | None] = {
-            name: self._declared[name].unit for name in names_of(parsed) if name in self._declared
-        }
-        return dimension.expression_measure(parsed, units)
+    @cached_property
+    def _plots(self) -> Sequence[Plot]:
+        return self._checked.plots
+
+    @cached_property
+    def _event_lines(self) -> list[EventLine]:
+        rows = event_rows(self._checked.variants, self.summary.get("conditions", ()))
+        return [row.annotation for row in rows]
 
     def __getstate__(self) -> dict[str, Any]:
         # the rest is read again from the folder
-        return {"folder": self.folder.absolute(), "summary": self.summary, "notes": self.notes, "_scenario": None}
+        return {
+            "folder": self.folder.absolute(),
+            "summary": self.summary,
+            "notes": self.notes,
+            "_scenario": None,
+            "_where": self._where,
+        }
 
     def __repr__(self) -> str:
         counts = (("variant", len(self.variants)), ("seed", len(self.seeds)))

@@ -144,7 +144,7 @@ def export(
     what: str | Path | type[Component] | Scenario,
     path: str | Path | None = None,
     *,
-    fmi: str = "3.0",
+    fmi: Literal["2.0", "3.0"] = "3.0",
     platforms: str | Sequence[str] = (),
     sources: bool = False,
     members: str | Sequence[str] = (),

@@ -173,7 +173,7 @@ def is_failed(row: Mapping[str, str]) -> bool:
 
 
 def verdicts(summary: Mapping[str, Any]) -> str:
-    """Return the table of metrics beside figures of the paper; metrics without any are folded if there are others."""
+    """Return the table of metrics with figures of the paper; metrics without any are folded if there are others."""
     rows = metric_rows(summary)
     first = [row for row in rows if row["rank"] < "2"] or rows[:CASES]
     count = len({row["metric"] for row in rows[len(first) :]})

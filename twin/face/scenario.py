@@ -13,6 +13,7 @@ from twin.component import Component, source
 from twin.errors import ScenarioError, TwinError, quote_names
 from twin.face import notebook
 from twin.face.conversions import (
+    BackendName,
     as_list,
     check_file,
     choice,
@@ -111,7 +112,7 @@ class Scenario:
         """Return the scenario with another value; this one is unchanged. ScenarioError with all `problems`.
 
         `name` is that of `twin run --set`: `member.parameter`, `member.component`, `variants.NAME.member.parameter`,
-        `stop_time`, `step`, `seeds`, ... `value`: text with a unit, a number in SI, a list or an array; for a component
+        `stop_time`, `step`, `seeds`, ... `value`: text with a unit, a number in its own unit, a list or an array; for a component
         also a class. It applies to all variants, also where a variant sets the value: name the variant to change only this one.
         """
         return self._with_values({name: value})
@@ -141,9 +142,9 @@ class Scenario:
         report: bool = True,
         out: str | Path = "runs",
         build: str | Path = "build",
-        backend: str = "fmu",
+        backend: BackendName = "fmu",
         checkpoint: float | str = 0.0,
-        form: str | None = None,
+        form: BackendName | None = None,
     ) -> Run:
         """Run variants with seeds, default all, and write the folder `out/<name>/<time>/`.
 
@@ -174,7 +175,7 @@ class Scenario:
         variant: str | None = None,
         seed: int | None = None,
         *,
-        backend: str = "compiled",
+        backend: BackendName = "compiled",
         build: str | Path = "build",
     ) -> Simulation:
         """Initialize the members of one case and return it as a simulation, to be advanced from Python; nothing is written.
@@ -193,7 +194,7 @@ class Scenario:
         remarks = partial(value_remarks, self.checked, case, catalog)
         chosen = Backend(choice(backend, Backend, "backend"))
         with progress_callback(None, f"preparing {self.title}"):
-            simulation = Simulation(case, catalog, chosen, Path(build), True, False, remarks)
+            simulation = Simulation(case, catalog, chosen, Path(build), True, False, remarks, self.checked.plots)
         simulation.notes += [line for line in remarks_on_values(self.checked, catalogs) if line.startswith(WARNING)]
         return simulation
 
@@ -267,7 +268,7 @@ def run(
     report: bool = True,
     out: str | Path = "runs",
     build: str | Path = "build",
-    backend: str = "fmu",
+    backend: BackendName = "fmu",
     checkpoint: float | str = 0.0,
 ) -> Run:
     """Run a scenario, by its path, the name of a shipped one or a run of it, with changed `values`; ScenarioError with all `problems`.
@@ -298,7 +299,7 @@ def live(
     *,
     values: Mapping[str, Any] | None = None,
     rate: float = 1.0,
-    backend: str = "compiled",
+    backend: BackendName = "compiled",
     build: str | Path = "build",
 ) -> Simulation:
     """Initialize one case of a scenario and return it as a simulation that `advance` paces against the wall clock.

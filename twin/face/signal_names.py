@@ -13,7 +13,6 @@ from twin.scenario import resolve_variables
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
-    from pathlib import Path
 
     from twin.results import Expression, RecordedVariable
     from twin.scenario import ScenarioSpec
@@ -51,18 +50,18 @@ def describe_unknown(
     return f"{name!r} was not recorded{reason}. {nearest(name, [*(candidates or names), *patterns])}"
 
 
-def find_variable(name: str, recorded: Mapping[str, RecordedVariable], folder: Path) -> RecordedVariable:
+def find_variable(name: str, recorded: Mapping[str, RecordedVariable], where: str) -> RecordedVariable:
     """Return a recorded variable or element, counted from 1; UnknownNameError if there is none."""
     if name in recorded:
         return recorded[name]
     if (variable := array_of(name, recorded)) is None:
-        raise UnknownNameError(f"{folder}: {describe_unknown(name, recorded)}")
+        raise UnknownNameError(f"{where}: {describe_unknown(name, recorded)}")
     if name in variable.columns and variable.shape:
         return replace(variable, name=name, shape=())
     size, last = (sign.join(map(str, variable.shape)) for sign in (" x ", ","))
     first = ",".join("1" * len(variable.shape))
     text = f"has {size} elements, from {first} to {last}" if variable.shape else "is a single value"
-    raise UnknownNameError(f"{folder}: {name!r}: {variable.name} {text}.")
+    raise UnknownNameError(f"{where}: {name!r}: {variable.name} {text}.")
 
 
 def variants_with(name: str, scenario: ScenarioSpec) -> list[str]:

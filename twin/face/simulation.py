@@ -18,13 +18,15 @@ from twin.errors import CouplingError, SimulationError, TwinError, UnknownNameEr
 from twin.face import notebook
 from twin.face.arrays import frame
 from twin.face.conversions import convert, finite, nanoseconds, override_text
+from twin.face.signal_plots import PlotSource, SignalPlots
 from twin.files import split_unit
 from twin.live import Pace, checked_rate
-from twin.run import WARNING, apply_event, build_simulation, recorded_signals
+from twin.results import RecordedVariable
+from twin.run import WARNING, apply_event, build_simulation, event_rows, recorded_signals
 from twin.scenario import Backend, EventSpec, event_problems, has_source
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Sequence
     from pathlib import Path
 
     import pandas as pd
@@ -32,14 +34,14 @@ if TYPE_CHECKING:
 
     from twin.component import Component
     from twin.coupling import Catalog, MemberVariable
-    from twin.results import Signals
+    from twin.results import Plot, Signals
     from twin.scenario import Case
 
 WHERE = "simulation"  # in messages
 BUFFER_BYTES = 1 << 20  # for rows; small, since many short simulations are common
 
 
-class Simulation:
+class Simulation(SignalPlots):
     """Running members: `simulation["member.variable"]` reads and writes, `advance` advances the time.
 
     Use it in a `with` statement: at its end all members are freed, and `results` stay.
@@ -54,7 +56,9 @@ class Simulation:
         stops: bool,
         silent: bool,
         remarks: Callable[[str, str], list[str]] | None = None,
+        plots: Sequence[Plot] = (),
     ) -> None:
+        self._where, self._plots = WHERE, plots
         self._case, self._remarks = case, remarks
         self._targets = {connection.target for connection in case.system(catalog).single()[0]}
         self.notes = (
@@ -229,7 +233,7 @@ class Simulation:
         return declaration
 
     def __setitem__(self, name: str, value: Any) -> None:
-        """Set a tunable parameter or a free input, as text with a unit or in SI, from the member's next step on."""
+        """Set a tunable parameter or a free input, as text with a unit or a number in its own unit, from the member's next step on."""
         self._happen("set", name, value)
 
     def override(self, name: str, value: Any) -> None:
@@ -237,7 +241,7 @@ class Simulation:
         self._happen("override", name, value)
 
     def release(self, name: str) -> None:
-        """End an override."""
+        """End an override; TwinError if there is none."""
         self._happen("release", name)
 
     def _happen(self, kind: str, name: str, value: Any = None) -> None:
@@ -247,6 +251,8 @@ class Simulation:
         event = EventSpec(self._simulated.time, kind, name, finite(value, f"{WHERE}: {name}"), WHERE)
         if problems := event_problems(event, self._catalog, self._targets):
             raise CouplingError(problems)
+        if kind == "release" and name not in self._overridden:
+            raise TwinError(f"{WHERE}: {name} is not overridden. {'; '.join(self._overridden) or 'Nothing'} is.")
         apply_event(event, self._case, self._simulated, self._catalog)
         if self._remarks is not None and value is not None:
             self._note_implausible(name, value, self._remarks)
@@ -282,11 +288,25 @@ class Simulation:
     @property
     def results(self) -> pd.DataFrame:
         """Recorded signals: column `time` [s], then one for each scalar; units in `.attrs["units"]`."""
-        signals = self._signals or self._recorded()
+        signals = self._recording()
         return frame(signals.time, signals.values, signals.units)
 
-    def _recorded(self) -> Signals:
-        return recorded_signals(self._simulated, True)
+    def _recording(self) -> Signals:
+        return self._signals or recorded_signals(self._simulated, True)
+
+    @property
+    def _source(self) -> PlotSource:
+        recording, case = self._recording(), self._case
+        variables = {name: self._find(name).variable for name in recording.values}
+        recorded = {
+            name: RecordedVariable(
+                name, values.dtype, values.shape[1:], variables[name].unit, variables[name].display_unit
+            )
+            for name, values in recording.values.items()
+        }
+        lines = [row.annotation for row in event_rows([case])]
+        cases = {(case.variant, case.seed): recording}
+        return PlotSource([case.variant], [case.seed], recorded, recorded, (), self._plots, lines, lambda _names: cases)
 
     def _repr_html_(self) -> str:
         """Return the outputs with their units, for notebooks."""
@@ -310,7 +330,7 @@ class Simulation:
         self._is_closing = True  # ends `advance` in another thread
         with self._lock:
             if self._close.alive:
-                self._signals = self._recorded()
+                self._signals = self._recording()
                 self._close()
 
     def __enter__(self) -> Self:
@@ -319,10 +339,15 @@ class Simulation:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    @property
+    def _overridden(self) -> list[str]:
+        return [".".join(key) for key in self._simulated.overridden]
+
     def __repr__(self) -> str:
         state = self.reason or ("running" if self._close.alive else "closed")
-        members = ", ".join(self._catalog)
-        return f"<Simulation of {self._case.name} at {clock.text(self._simulated.time)}: {state}; members {members}>"
+        parts = {"members": list(self._catalog), "overridden": self._overridden}
+        lists = "; ".join(f"{what} {', '.join(names)}" for what, names in parts.items() if names)
+        return f"<Simulation of {self._case.name} at {clock.text(self._simulated.time)}: {state}; {lists}>"
 
 
 def sourceless(classes: Iterable[type[Component] | None]) -> list[str]:

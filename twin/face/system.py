@@ -9,7 +9,7 @@ from twin import clock
 from twin.component import Component
 from twin.errors import ScenarioError, nearest
 from twin.face import notebook
-from twin.face.conversions import as_list, choice, nanoseconds, plain, python_option_names
+from twin.face.conversions import BackendName, as_list, choice, nanoseconds, plain, python_option_names
 from twin.face.scenario import Scenario, reference
 from twin.face.simulation import Simulation
 from twin.former import former_argument
@@ -61,7 +61,7 @@ class System:
     ) -> None:
         """Add a member: a component by its name in fmus/, `module:Class`, a class, or the path of an FMU.
 
-        `values`: parameters and start values of inputs, as text with a unit or numbers in SI; `parameters`: those whose names are
+        `values`: parameters and start values of inputs, as text with a unit or numbers in their own unit; `parameters`: those whose names are
         not valid in Python, such as `x[1]`, or are arguments here. `period`, `interface`, `solver`, `solver_tolerance`: as of a
         member of a scenario.
         """
@@ -107,11 +107,11 @@ class System:
         stop: float | str | None = None,
         algorithm: str | Mapping[str, Any] = "jacobi",
         seed: int = 0,
-        backend: str = "compiled",
+        backend: BackendName = "compiled",
         record: str | Sequence[str] | None = None,
         every: float | str | None = None,
         build: str | Path = "build",
-        form: str | None = None,
+        form: BackendName | None = None,
     ) -> Simulation:
         """Initialize the members at `start` and return a simulation; use it in a `with` statement, which frees them at the end.
 

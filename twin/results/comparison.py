@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from twin.results.recording.signals import Signals
 
 MAX_VALUES_IN_MEMORY = 20_000_000  # numbers of one file in memory
+SIGNALS_IN_CARD = 8
 DIFFERENT_TIMES = (
     "sample times differ; compared at those of the coarser recording. Between them counts what leaves the range of the "
     "two neighboring samples, of real numbers by more than the signal's largest step between samples."
@@ -85,7 +86,16 @@ class Comparison:
         return f"<Comparison: {self.headline}>"
 
     def _repr_html_(self) -> str:
-        return f"<p>{self.headline}</p>{self.metrics._repr_html_() if self.changes else ''}"
+        """Return changed verdicts, the signals that differ most and the metrics, relative changes in percent, for notebooks."""
+        import_optional("pandas", "python", "a DataFrame")
+        from twin.results.metric_table import MetricTable
+
+        verdicts = MetricTable(self.verdicts, columns=["verdict of", "first", "second"])
+        tables = [verdicts, self.signals.head(min(len(self.differing), SIGNALS_IN_CARD)), self.metrics]
+        for table in tables:
+            for column in table.columns[table.columns.str.startswith("relative")]:
+                table[column] = [f"{100.0 * part:.3g} %" if not np.isnan(part) else "-" for part in table[column]]
+        return f"<p>{self.headline}</p>{''.join(table._repr_html_() for table in tables if len(table))}"
 
     @property
     def metrics(self) -> MetricTable:

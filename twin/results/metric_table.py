@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
+from html import escape
 from shutil import get_terminal_size
 from typing import Any
 
 import pandas as pd
 
 MAX_ROWS = 60  # that are printed; of more, the first and the last
+LEFT = 'style="text-align: left"'  # notebooks align cells right
+TEXT_CELL = re.compile(r"<td>(?=[^<\d-])(?!(?:nan|inf)</td>)")
 SHORTEST = 24  # letters of a text of which a table without room shows the beginning
 
 
@@ -33,4 +37,7 @@ class MetricTable(pd.DataFrame):  # type: ignore[misc]  # pandas has no types he
 
     def _repr_html_(self) -> str:
         with pd.option_context("display.max_colwidth", None):
-            return str(self.to_html(**self._print_options, border=0))
+            html = str(self.to_html(**self._print_options, border=0))
+        for name in self.select_dtypes("object").columns:
+            html = html.replace(f"<th>{escape(str(name))}</th>", f"<th {LEFT}>{escape(str(name))}</th>")
+        return TEXT_CELL.sub(f"<td {LEFT}>", html)

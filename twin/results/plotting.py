@@ -39,6 +39,7 @@ COLORS = (
 )  # `--line-0` to `--line-7` of twin.web
 LINE_STYLES = ("-", "--", "-.", ":")
 MARKERS = ("o", "x", "^", "s", "+", "d")
+OTHER_RUN = " (other run)"  # after the names of a second run's variants, which are dashed
 MAX_POINTS = 1400  # about twice the pixels across a panel: more are invisible
 STYLE, WIDTH = figure_files.STYLE, figure_files.WIDTH
 LEGEND_LETTERS = 130  # letters in a row of the legend
@@ -230,12 +231,18 @@ def plot_panels(plot: Plot, tables: Tables) -> list[list[str]]:
     """Return the variants in each panel of a plot; empty if none of its signals was recorded."""
     selected = selected_tables(plot, tables)
     variants = [name for name in dict.fromkeys(variant for variant, _ in selected) if has_curves(plot, selected, name)]
-    return [[name] for name in variants] if plot.per_variant else [variants] if variants else []
+    if not plot.per_variant:
+        return [variants] if variants else []
+    panels: dict[str, list[str]] = {}
+    for name in variants:
+        panels.setdefault(name.removesuffix(OTHER_RUN), []).append(name)
+    return list(panels.values())
 
 
 def selected_tables(plot: Plot, tables: Tables) -> Tables:
     """Return the cases of a plot's variants."""
-    return {case: signals for case, signals in tables.items() if not plot.variants or case[0] in plot.variants}
+    own = plot.variants
+    return {case: item for case, item in tables.items() if not own or case[0].removesuffix(OTHER_RUN) in own}
 
 
 def is_averaged(plot: Plot) -> bool:
@@ -379,13 +386,13 @@ def curve_style(
 ) -> tuple[str, int, int]:
     """Return label, index of the color and index of the line style of a plot's curve in a panel of some variants.
 
-    `run_variants`: all of the run, each of which keeps its color in any figure; signals of one panel follow.
+    `run_variants`: all of the run, each of which keeps its color where one signal is plotted.
     """
-    label = plot.curves[number].label
+    label, own = plot.curves[number].label, variant.removesuffix(OTHER_RUN)
     if run_variants and len(plot.curves) == 1:
-        return variant, run_variants.index(variant) % len(COLORS), 0
-    if len(names) == 1:
-        return label, (number + len(run_variants) * (len(run_variants) > 1)) % len(COLORS), 0
+        return variant, run_variants.index(own) % len(COLORS), int(own != variant)
+    if {name.removesuffix(OTHER_RUN) for name in names} == {own}:
+        return label + variant.removeprefix(own), number % len(COLORS), int(own != variant)
     variant_index = names.index(variant)
     if len(plot.curves) == 1:
         return variant, variant_index % len(COLORS), 0

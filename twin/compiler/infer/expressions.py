@@ -88,7 +88,10 @@ class ExpressionInference(Static):
         try:
             return self.source.value(node.id)
         except KeyError:
-            raise self.error(node, "is not defined", "Import or define it in the module") from None
+            records = {name: kind for name, kind in self.function.locals.items() if isinstance(kind, Record)}
+            owners = [name for name, record in records.items() if node.id in record.struct.fields]
+            remedy = f"Write `{owners[0]}.{node.id}`" if owners else "Import or define it in the module"
+            raise self.error(node, "is not defined", remedy) from None
 
     def visit_Attribute(self, node: ast.Attribute) -> Type:
         base = self.expression(node.value)
