@@ -25,7 +25,7 @@ from twin.viewer.verdicts import normalize
 from twin.web import STATIC, PackedArrays, chart_script
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from twin.viewer.runs import RunCollection
     from twin.viewer.study_cases import StudyCases
@@ -37,6 +37,7 @@ STYLE_SPACE = re.compile(r"/\*.*?\*/|\s*([{};,])\s*|(?<=[a-z]:) ", re.DOTALL)  #
 MAX_SAMPLES = 50_000  # of an embedded curve; longer ones are reduced to their extremes
 MAX_INSTANTS = 600  # of an embedded picture
 MAX_LETTERS = 60_000_000  # characters of a page
+MAX_SEED_SAMPLES = 2_000_000  # of all curves of a page that has all seeds
 MAX_CHANGED = 3  # overridden values in the heading
 
 
@@ -106,13 +107,20 @@ class EmbeddedPage:
     thinned: int
 
 
-def embedded_page(runs: RunCollection, signals: Sequence[str], cases: Sequence[int]) -> EmbeddedPage:
-    """Return a self-contained page with signals or expressions of some cases; by default it opens as the page of a server."""
+def embedded_page(
+    runs: RunCollection, signals: Sequence[str], cases: Sequence[int], more: Sequence[int] = ()
+) -> EmbeddedPage:
+    """Return a self-contained page with signals or expressions of some cases; by default it opens as the page of a server.
+
+    `more`: the same cases with all seeds, embedded instead if that does not make the page too large.
+    """
     shown_signals = list(signals)
     chosen = set(map(normalize, signals))
     added = [name for name in dict.fromkeys(failed_signals(runs)) if signals and name not in chosen]
-    signals = [*signals, *added] or suggest_signals(runs)
     content = about(runs) | {"study": None}
+    signals = [*signals, *added] or list(dict.fromkeys([*suggest_signals(runs), *compared_signals(content["metrics"])]))
+    if len(signals) * sum(runs.cases[number].samples for number in more) <= MAX_SEED_SAMPLES:
+        cases = more or cases
     arrays = PackedArrays()
     embedded, thinned, samples = [], 0, 0
     recorded = {signal["name"]: signal["cases"] for signal in content["signals"]}
@@ -141,6 +149,12 @@ def embedded_page(runs: RunCollection, signals: Sequence[str], cases: Sequence[i
             "Choose fewer with --signal, --variant and --seed."
         )
     return EmbeddedPage(text, len(signals), len(added), len(embedded), samples, thinned)
+
+
+def compared_signals(metrics: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Return the signals of the metrics that have a published value."""
+    compared = (one for one in metrics if any(row["reference"] is not None for row in one["rows"]))
+    return [name for one in compared for name in (*one["sources"], one["signal"]) if name]
 
 
 def film(runs: RunCollection, number: int, arrays: PackedArrays) -> dict[str, Any] | None:
