@@ -66,9 +66,10 @@ def test_a_page_has_all_seeds_and_what_metrics_compare_with_the_paper(tmp_path, 
     told = json.loads(ABOUT.search(page.embedded_page(opened, [], [0, 2], [0, 1, 2, 3]).text)[1])
     assert {each["signal"] for each in told["embedded"]} == {"heart.position", "heart.velocity"}
     assert told["shown"] == [0, 1, 2, 3]
-    monkeypatch.setattr(page, "MAX_SEED_SAMPLES", 1000)  # too large
+    monkeypatch.setattr(page, "MAX_TOTAL", 1000)  # too large
     told = json.loads(ABOUT.search(page.embedded_page(opened, [], [0, 2], [0, 1, 2, 3]).text)[1])
-    assert (told["shown"], {each["case"] for each in told["embedded"]}) == ([0, 2], {0, 2})
+    found = {(each["case"], each["signal"]) for each in told["embedded"]}
+    assert (told["shown"], found) == ([0, 2], {(0, "heart.position"), (2, "heart.position")})
 
 
 def test_nothing_is_loaded_and_nothing_escapes_its_script(tmp_path):

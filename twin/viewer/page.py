@@ -25,7 +25,7 @@ from twin.viewer.verdicts import normalize
 from twin.web import STATIC, PackedArrays, chart_script
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from twin.viewer.runs import RunCollection
     from twin.viewer.study_cases import StudyCases
@@ -37,7 +37,7 @@ STYLE_SPACE = re.compile(r"/\*.*?\*/|\s*([{};,])\s*|(?<=[a-z]:) ", re.DOTALL)  #
 MAX_SAMPLES = 50_000  # of an embedded curve; longer ones are reduced to their extremes
 MAX_INSTANTS = 600  # of an embedded picture
 MAX_LETTERS = 60_000_000  # characters of a page
-MAX_SEED_SAMPLES = 2_000_000  # of all curves of a page that has all seeds
+MAX_TOTAL = 3_000_000  # samples of a page that has all seeds, or more signals than the plots
 MAX_CHANGED = 3  # overridden values in the heading
 
 
@@ -118,9 +118,9 @@ def embedded_page(
     chosen = set(map(normalize, signals))
     added = [name for name in dict.fromkeys(failed_signals(runs)) if signals and name not in chosen]
     content = about(runs) | {"study": None}
-    signals = [*signals, *added] or list(dict.fromkeys([*suggest_signals(runs), *compared_signals(content["metrics"])]))
-    if len(signals) * sum(runs.cases[number].samples for number in more) <= MAX_SEED_SAMPLES:
-        cases = more or cases
+    size = sum(min(runs.cases[number].samples, MAX_SAMPLES) for number in more or cases)
+    signals = [*signals, *added] or with_metrics(suggest_signals(runs), content["metrics"], MAX_TOTAL // max(size, 1))
+    cases = more if more and len(signals) * size <= MAX_TOTAL else cases
     arrays = PackedArrays()
     embedded, thinned, samples = [], 0, 0
     recorded = {signal["name"]: signal["cases"] for signal in content["signals"]}
@@ -151,10 +151,11 @@ def embedded_page(
     return EmbeddedPage(text, len(signals), len(added), len(embedded), samples, thinned)
 
 
-def compared_signals(metrics: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Return the signals of the metrics that have a published value."""
-    compared = (one for one in metrics if any(row["reference"] is not None for row in one["rows"]))
-    return [name for one in compared for name in (*one["sources"], one["signal"]) if name]
+def with_metrics(signals: Sequence[str], metrics: Sequence[Mapping[str, Any]], most: int) -> list[str]:
+    """Return signals, and up to so many with those of the metrics, first those that have a published value."""
+    ranked = sorted(metrics, key=lambda metric: all(row["reference"] is None for row in metric["rows"]))
+    names = dict.fromkeys([*signals, *(name for one in ranked for name in (*one["sources"], one["signal"]) if name)])
+    return list(names)[: max(most, len(signals))]
 
 
 def film(runs: RunCollection, number: int, arrays: PackedArrays) -> dict[str, Any] | None:
