@@ -12,7 +12,6 @@ from twin.errors import TwinError
 from twin.results import EventLine, MetricResult, consecutive_spans, expression, metric_formats
 from twin.results.recording.run_folder import RecordedVariable, metric_to_dict
 from twin.results.summary_comparison import metric_changes
-from twin.results import RecordedVariable
 from twin.viewer import left_out, select_cases, select_signals
 from twin.viewer.page_data import about, compare_metrics, events, merge_repeated
 from twin.viewer.runs import ViewedCurve
@@ -251,7 +250,8 @@ def test_signals_and_cases_are_chosen(opened):
     some = SimpleNamespace(runs=[SimpleNamespace(variables=variables)])
     assert select_signals(some, ("a.*",)) == ["a.x[1]", "a.x[2]"]
     assert left_out(some, ("a.*",), ["a.x[1]"]) == ["a.line", "a.stream"]
-    assert len(select_signals(some, ("a.line", "a.stream"))) == 15 and left_out(some, ("a.line",), ["a.line[1]"]) == []
+    assert len(select_signals(some, ("a.line", "a.stream"))) == 15
+    assert left_out(some, ("a.line",), ["a.line[1]"]) == []
     with pytest.raises(TwinError, match=r"'heart\.positio' was not recorded\. Did you mean 'heart\.position'\?"):
         select_signals(opened, ("heart.positio",))
     assert select_cases(opened, "", None) == [0, 2]
