@@ -201,7 +201,7 @@ def test_a_quantity_has_one_unit_whatever_the_values_are() -> None:
     tables = {(name, 1): Signals(np.arange(2.0), {"a.x": np.full(2, 0.5)}, {"a.x": "N"}) for name in ("PI", "FF")}
     found = evaluate(metrics, limits, tables).expectation_results
     assert [each.detail for each in found] == [
-        "500 mN in PI, expected at most 400 mN; fails in all variants.",
+        "mean 500 mN in 0 s to 1 s in PI, expected at most 400 mN; fails in all variants.",
         "PI 500 mN is not above FF 500 mN.",
     ]
 

@@ -257,7 +257,7 @@ def values_that_are(text: str) -> dict[tuple[str, int], Signals]:
 def test_lines_of_failures() -> None:
     evaluation, _ = two_variants()
     assert [(one.name, one.detail, one.more) for one in report.list_failures(evaluation)] == [
-        ("small", "60 mN in FF, expected at most 40 mN.", "Judged: mean."),
+        ("small", "mean 60 mN in 0 s to 2 s in FF, expected at most 40 mN.", "Judged: mean."),
         ("last, FF", "60 mN, the paper: 50 mN ± 10 %.", ""),
     ]
     nothing = evaluate({"m": Metric("m", FORCE, "mean", paper={"PI": 1.0, "FF": 1.0})}, [], values_that_are("nan"))

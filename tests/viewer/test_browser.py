@@ -100,6 +100,31 @@ def test_the_read_out_stays_beside_the_tables(open_page):
         page.page.mouse.move(chart["x"] + part * chart["width"], chart["y"] + 0.5 * chart["height"])
         box = page.page.locator(".twin-hover").bounding_box()
         assert box["x"] + box["width"] <= chart["x"] + chart["width"]
+    page.page.set_viewport_size({"width": 900, "height": 620})  # the pane is low: above it, so that no curve is covered
+    page.page.wait_for_timeout(200)
+    page.page.locator("#chart").scroll_into_view_if_needed()
+    page.page.mouse.move(*page.place(0.5))
+    box = page.page.locator(".twin-hover").bounding_box()
+    pane = page.page.evaluate("""(() => { const { chart: { canvas, boxes: [box] } } = document.getElementById("chart"), { top } = canvas.getBoundingClientRect();
+        return [top + box.top, top + box.top + box.height]; })()""")
+    assert box["y"] + box["height"] <= pane[0] or box["y"] >= pane[1]
+
+
+def test_the_space_bar_plays_after_a_click_and_cursors_move_nothing(open_page):
+    page = open_page()  # `All` was clicked
+    tops = []
+    for part in (None, 0.3, 0.6):
+        if part is not None:
+            page.page.mouse.click(*page.place(part))
+            page.page.locator("#values th", has_text=f"at t{len(tops)}").wait_for()
+        tops.append(page.page.locator("#play").bounding_box()["y"])
+    page.page.keyboard.press(" ")
+    page.page.locator("#play[aria-label=pause]").wait_for()
+    page.page.locator("#values th", has_text="now").wait_for(state="attached")
+    page.page.keyboard.press(" ")
+    page.page.locator("#play[aria-label=play]").wait_for()
+    tops.append(page.page.locator("#play").bounding_box()["y"])
+    assert max(tops) - min(tops) < 8
 
 
 def test_plots_begin_in_their_window_with_their_variants(browser, tmp_path):
@@ -288,6 +313,8 @@ def test_a_variant_keeps_its_color(open_page):
     page.page.locator("#chart .menu summary").first.click()
     page.page.get_by_text("A pane for each variant").click()
     page.drawn()
+    ranges = page.page.evaluate("document.getElementById('chart').chart.boxes.map(({ low, high }) => [low, high])")
+    assert ranges[0] == ranges[1]  # of one quantity
     panes = page.page.evaluate(COLORS)
     assert [{color for color, *_ in pane.values()} for pane in panes] == [{1}, {0}]
     page.page.locator("#band").uncheck()
@@ -554,6 +581,7 @@ def test_a_run_that_ends_early_is_marked_and_requirements_that_differ_come_first
         assert kinds == ["differs (1)", "failed in both (1)"]
         differs = page.locator("#expectations div > details").first
         assert differs.locator(".outcome").inner_text().split()[:4] == ["A", "pass", "B", "skipped"]
+        assert differs.locator("small").first.inner_text().startswith("B: ")  # why
         page.locator("#all").click()
         part = page.locator("#values tr", has_text="B: slow").locator("small")
         part.filter(has_text="to 1.5 s, 602 samples").wait_for()  # of two seeds

@@ -62,7 +62,7 @@ def test_the_pointer_reads_values_and_a_click_on_a_name_dims(open_page, folders)
     page.page.locator(".twin-hover").wait_for(state="hidden")
 
 
-def test_seeds_are_a_mean_in_its_range_and_runs_differ_by_dash(open_page, folders):
+def test_seeds_are_a_mean_in_its_range_and_runs_differ_by_width(open_page, folders):
     page = open_page()
     (pane,) = page.curves()
     assert [one["label"] for one in pane["curves"]] == [
@@ -72,8 +72,8 @@ def test_seeds_are_a_mean_in_its_range_and_runs_differ_by_dash(open_page, folder
         "B: fast, 2 seeds",
     ]
     drawn = page.page.evaluate("""() => { const { chart } = document.getElementById("chart");
-        return chart.panes[0].curves.map(({ color, dash, low, high }) => [color, dash.join(), [...chart.data[low].y], [...chart.data[high].y]]); }""")
-    assert [one[:2] for one in drawn] == [[0, ""], [0, "7,3"], [1, ""], [1, "7,3"]]
+        return chart.panes[0].curves.map(({ color, dash, width = 0, low, high }) => [color, width + dash.join(), [...chart.data[low].y], [...chart.data[high].y]]); }""")
+    assert [one[:2] for one in drawn] == [[0, "5"], [0, "0"], [1, "5"], [1, "0"]]  # solid: limits are dashed
     seeds = [samples_of(folders, number)[1] for number in (0, 1)]
     np.testing.assert_allclose(pane["curves"][0]["y"], np.mean(seeds, axis=0))
     np.testing.assert_allclose(drawn[0][2], np.min(seeds, axis=0))

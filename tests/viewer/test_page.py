@@ -61,6 +61,17 @@ def test_signals_of_failed_requirements_are_in_a_page_of_others(tmp_path, capsys
     assert capsys.readouterr().out.startswith("signals: 2 (1 of them of failed requirements), curves: ")
 
 
+def test_a_page_has_all_seeds_and_what_metrics_compare_with_the_paper(tmp_path, monkeypatch):
+    opened = runs(beats(tmp_path))
+    told = json.loads(ABOUT.search(page.embedded_page(opened, [], [0, 2], [0, 1, 2, 3]).text)[1])
+    assert {each["signal"] for each in told["embedded"]} == {"heart.position", "heart.velocity"}
+    assert told["shown"] == [0, 1, 2, 3]
+    monkeypatch.setattr(page, "MAX_TOTAL", 1000)  # too large
+    told = json.loads(ABOUT.search(page.embedded_page(opened, [], [0, 2], [0, 1, 2, 3]).text)[1])
+    found = {(each["case"], each["signal"]) for each in told["embedded"]}
+    assert (told["shown"], found) == ([0, 2], {(0, "heart.position"), (2, "heart.position")})
+
+
 def test_nothing_is_loaded_and_nothing_escapes_its_script(tmp_path):
     time, force = wave(100.0, 1.0)
     evil = RecordedVariable("a.</script><script>alert(1)//", description="<!--<script>", unit="N")

@@ -12,7 +12,7 @@ from twin.errors import TwinError
 from twin.results import EventLine, MetricResult, consecutive_spans, expression, metric_formats
 from twin.results.recording.run_folder import RecordedVariable, metric_to_dict
 from twin.results.summary_comparison import metric_changes
-from twin.viewer import select_cases, select_signals
+from twin.viewer import left_out, select_cases, select_signals
 from twin.viewer.page_data import about, compare_metrics, events, merge_repeated
 from twin.viewer.runs import ViewedCurve
 from twin.viewer.verdicts import Verdicts
@@ -250,9 +250,17 @@ def test_what_an_analysis_reads_is_shown_before_what_it_computes(opened):
 def test_signals_and_cases_are_chosen(opened):
     assert select_signals(opened, ("heart.p*", "abs(heart.velocity)")) == ["heart.position", "abs(heart.velocity)"]
     assert select_signals(opened, ()) == ["heart.position"]
+    internal = {"a.line": RecordedVariable("a.line", shape=(9,)), "a.stream": RecordedVariable("a.stream", shape=(6,))}
+    variables = {"a.x": RecordedVariable("a.x", shape=(2,)), **internal}
+    some = SimpleNamespace(runs=[SimpleNamespace(variables=variables)])
+    assert select_signals(some, ("a.*",)) == ["a.x[1]", "a.x[2]"]
+    assert left_out(some, ("a.*",), ["a.x[1]"]) == ["a.line", "a.stream"]
+    assert len(select_signals(some, ("a.line", "a.stream"))) == 15
+    assert left_out(some, ("a.line",), ["a.line[1]"]) == []
     with pytest.raises(TwinError, match=r"'heart\.positio' was not recorded\. Did you mean 'heart\.position'\?"):
         select_signals(opened, ("heart.positio",))
     assert select_cases(opened, "", None) == [0, 2]
+    assert select_cases(opened, "slow", None, every=True) == [0, 1]
     assert select_cases(opened, "fast", 2) == [3]
     with pytest.raises(TwinError, match=r"has no such case\. Variants: slow, fast; seeds: 1, 2\."):
         select_cases(opened, "", 7)

@@ -48,7 +48,12 @@ class ViewOptions:
 @click.option("--scene", "as_scene", is_flag=True, help="Animate a scene of a run's scenario.")
 @click.option("--title", default="", metavar="TITLE", help="Scene to animate.  [default: all scenes]")
 @click.option("--variant", default="", metavar="NAME", help="Variant to show.  [default: all]")
-@click.option("--seed", type=int, metavar="N", help="Random seed to show.  [default: the first; all in CSV, MAT, MCAP]")
+@click.option(
+    "--seed",
+    type=int,
+    metavar="N",
+    help="Random seed to show.  [default: all; the first in scenes and very large pages]",
+)
 @signal_option
 @option(
     "--output",
@@ -206,7 +211,15 @@ def single_run(folders: list[Path], what: str) -> Path:
 def view_signals(folders: list[Path], options: ViewOptions, target: Path | None) -> None:
     """Show signals of runs in the browser, or write them as a page."""
     from twin.results import write_text
-    from twin.viewer import RunCollection, embedded_page, open_recorded_run, select_cases, select_signals, serve
+    from twin.viewer import (
+        RunCollection,
+        embedded_page,
+        left_out,
+        open_recorded_run,
+        select_cases,
+        select_signals,
+        serve,
+    )
 
     as_file = target is None and importlib.util.find_spec("nicegui") is None
     if as_file:
@@ -216,10 +229,13 @@ def view_signals(folders: list[Path], options: ViewOptions, target: Path | None)
     has_case = bool(options.variant) or options.seed is not None
     cases = select_cases(runs, options.variant, options.seed) if target or has_case else ()
     signals = select_signals(runs, options.patterns) if options.patterns else ()
+    if internal := left_out(runs, options.patterns, signals):
+        text = f"left out: {', '.join(internal)} (long arrays, states of random numbers; name them to include them)"
+        click.echo(text, err=True)  # the first line is the address
     if target is None:
         serve(runs, options.port, say, open_browser=not options.no_open, signals=signals, cases=cases)
         return
-    page = embedded_page(runs, signals, cases)
+    page = embedded_page(runs, signals, cases, select_cases(runs, options.variant, options.seed, every=True))
     write_text(target, page.text)
     thinned = f"; {page.thinned} curves reduced to minima and maxima" * bool(page.thinned)
     added = f" ({page.added} of them of failed requirements)" * bool(page.added)

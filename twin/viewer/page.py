@@ -37,6 +37,7 @@ STYLE_SPACE = re.compile(r"/\*.*?\*/|\s*([{};,])\s*|(?<=[a-z]:) ", re.DOTALL)  #
 MAX_SAMPLES = 50_000  # of an embedded curve; longer ones are reduced to their extremes
 MAX_INSTANTS = 600  # of an embedded picture
 MAX_LETTERS = 60_000_000  # characters of a page
+MAX_TOTAL = 3_000_000  # samples of a page that has all seeds, or more signals than the plots
 MAX_CHANGED = 3  # overridden values in the heading
 
 
@@ -106,13 +107,20 @@ class EmbeddedPage:
     thinned: int
 
 
-def embedded_page(runs: RunCollection, signals: Sequence[str], cases: Sequence[int]) -> EmbeddedPage:
-    """Return a self-contained page with signals or expressions of some cases; by default it opens as the page of a server."""
+def embedded_page(
+    runs: RunCollection, signals: Sequence[str], cases: Sequence[int], more: Sequence[int] = ()
+) -> EmbeddedPage:
+    """Return a self-contained page with signals or expressions of some cases; by default it opens as the page of a server.
+
+    `more`: the same cases with all seeds, embedded instead if that does not make the page too large.
+    """
     shown_signals = list(signals)
     chosen = set(map(normalize, signals))
     added = [name for name in dict.fromkeys(failed_signals(runs)) if signals and name not in chosen]
-    signals = [*signals, *added] or suggest_signals(runs)
     content = about(runs) | {"study": None}
+    size = sum(min(runs.cases[number].samples, MAX_SAMPLES) for number in more or cases)
+    signals = [*signals, *added] or with_metrics(suggest_signals(runs), content["metrics"], MAX_TOTAL // max(size, 1))
+    cases = more if more and len(signals) * size <= MAX_TOTAL else cases
     arrays = PackedArrays()
     embedded, thinned, samples = [], 0, 0
     recorded = {signal["name"]: signal["cases"] for signal in content["signals"]}
@@ -141,6 +149,13 @@ def embedded_page(runs: RunCollection, signals: Sequence[str], cases: Sequence[i
             "Choose fewer with --signal, --variant and --seed."
         )
     return EmbeddedPage(text, len(signals), len(added), len(embedded), samples, thinned)
+
+
+def with_metrics(signals: Sequence[str], metrics: Sequence[Mapping[str, Any]], most: int) -> list[str]:
+    """Return signals, and up to so many with those of the metrics, first those that have a published value."""
+    ranked = sorted(metrics, key=lambda metric: all(row["reference"] is None for row in metric["rows"]))
+    names = dict.fromkeys([*signals, *(name for one in ranked for name in (*one["sources"], one["signal"]) if name)])
+    return list(names)[: max(most, len(signals))]
 
 
 def film(runs: RunCollection, number: int, arrays: PackedArrays) -> dict[str, Any] | None:

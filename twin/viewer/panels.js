@@ -168,7 +168,7 @@ const nameOf = (run, r = about.runs.indexOf(run)) => [...(about.runs.length > 1 
 
 function cases() {
   const all = about.embedded ? about.shown : about.cases.map((_, k) => k);
-  find("chosen").textContent = `${state.cases.length} of ${all.length} shown`;
+  find("chosen").textContent = `${state.cases.length} of ${all.length} shown${seedsNotHere()}`;
   find("some").hidden = state.cases.length >= all.length && !shown.some(({ hidden }) => hidden.length);
   find("some").textContent = state.cases.length < all.length ? "Show all" : "Show all in each pane";
   find("some").title = `At first up to ${GROUPS} curves a signal are shown, so that they can be told apart`;

@@ -28,7 +28,9 @@ async function load() {
   try { found = await source.scene(place, window.map((time) => time - offset(place))); } catch { return; }
   if (pictureCase() !== place) return;
   const views = film?.place === place ? film.move : null;
+  const isNew = find("scene").hidden && found.views.length > 0;
   find("scene").hidden = !found.views.length;
+  if (isNew) find("stage").scrollTop = 0; // the browser stays at the panes, which were there before
   film = { place, wanted, ...found, move: views };
   if (!film.move) {
     find("picture").replaceChildren();

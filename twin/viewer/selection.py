@@ -14,15 +14,20 @@ if TYPE_CHECKING:
     from twin.viewer.runs import RunCollection
 
 MAX_SIGNALS = 8  # signals that a page shows by default
+MAX_ELEMENTS = 8  # of an array that a pattern selects
 
 
 def select_signals(runs: RunCollection, patterns: Sequence[str]) -> list[str]:
-    """Return the columns of patterns, and expressions; without patterns failed signals and those of the plots."""
+    """Return the columns of patterns, and expressions; without patterns failed signals and those of the plots.
+
+    A pattern leaves out long arrays and states of random numbers, unless nothing else matches it.
+    """
     if not patterns:
         return suggest_signals(runs)
     columns = {
         column: name for run in runs.runs for name, variable in run.variables.items() for column in variable.columns
     }
+    internal = set(internal_variables(runs))
     selected: dict[str, None] = {}
     for pattern in patterns:
         own = (
@@ -30,8 +35,24 @@ def select_signals(runs: RunCollection, patterns: Sequence[str]) -> list[str]:
             if pattern in columns
             else [c for c, name in columns.items() if fnmatchcase(c, pattern) or fnmatchcase(name, pattern)]
         )
+        own = [column for column in own if columns.get(column) not in internal or pattern == column] or own
         selected.update(dict.fromkeys(own or [check_expression(runs, pattern)]))
     return list(selected)
+
+
+def internal_variables(runs: RunCollection) -> list[str]:
+    """Return the names of the recorded variables that are long arrays or states of random numbers."""
+    variables = {name: variable for run in runs.runs for name, variable in run.variables.items()}
+    return [
+        name for name, variable in variables.items() if len(variable.columns) > MAX_ELEMENTS or name.endswith(".stream")
+    ]
+
+
+def left_out(runs: RunCollection, patterns: Sequence[str], signals: Sequence[str]) -> list[str]:
+    """Return the internal variables that match patterns and are not among the selected signals."""
+    selected = {name.partition("[")[0] for name in signals}
+    internal = [name for name in internal_variables(runs) if name not in selected]
+    return [name for name in internal if any(fnmatchcase(name, pattern) for pattern in patterns)]
 
 
 def check_expression(runs: RunCollection, text: str) -> str:
@@ -71,14 +92,15 @@ def suggest_signals(runs: RunCollection) -> list[str]:
     return list(selected or runs.runs[0].recording.column_indices.keys() - {"variant", "seed", "time"})[:MAX_SIGNALS]
 
 
-def select_cases(runs: RunCollection, variant: str, seed: int | None) -> list[int]:
-    """Return the numbers of the cases of a variant and a seed; by default the first seed of each variant of each run."""
+def select_cases(runs: RunCollection, variant: str, seed: int | None, every: bool = False) -> list[int]:
+    """Return the numbers of the cases of a variant and a seed; by default every or the first seed of each variant of each run."""
     cases = runs.cases
     first = {(case.run, case.variant): case.seed for case in reversed(cases)}
     selected = [
         number
         for number, case in enumerate(cases)
-        if variant in ("", case.variant) and case.seed == (first[case.run, case.variant] if seed is None else seed)
+        if variant in ("", case.variant)
+        and ((every and seed is None) or case.seed == (first[case.run, case.variant] if seed is None else seed))
     ]
     if not selected:
         names, seeds = dict.fromkeys(case.variant for case in cases), dict.fromkeys(case.seed for case in cases)

@@ -162,6 +162,12 @@ function other(minus, number) {
   return about.cases.findIndex((one) => one.run === run && one.variant === variant && one.seed === own.seed);
 }
 
+// the seeds of shown variants that a page of one file does not have, in words
+function seedsNotHere() {
+  const own = about.embedded ? about.cases.filter((one, k) => !about.shown.includes(k) && about.shown.some((other) => about.cases[other].run === one.run && about.cases[other].variant === one.variant)) : [];
+  return own.length ? `; seeds ${[...new Set(own.map(({ seed }) => seed))].join(", ")}: not in this page` : "";
+}
+
 // cases by run and variant, or each alone
 function groupsOf(numbers, band) {
   const groups = new Map();
@@ -202,7 +208,7 @@ function shownPanes() {
 
 function shownPane(one, cases, part) {
   const lines = drawnBy(one, cases), head = lines.map((line) => heads.get(line.name)).find(Boolean);
-  const unit = head?.unit ?? unitOf(one.items[0]?.signal) ?? "", title = [titled(one), part].filter(Boolean).join(": ");
+  const own = unitOf(one.items[0]?.signal) ?? "", unit = head?.unit ?? (one.kind === "spectrum" ? squared(own) : own), title = [titled(one), part].filter(Boolean).join(": ");
   const found = { title, unit, range: one.range, domain: one.domain, home: plotOf(one)?.range || undefined, curves: lines, own: one.kind !== "time", log: one.kind === "spectrum" ? "xy" : "" };
   if (found.own) found.x = { label: one.kind === "spectrum" ? "frequency" : one.x, unit: `[${head?.x_unit || (one.kind === "xy" ? signals.get(one.x)?.unit : "Hz") || ""}]` };
   const plot = referenceOf(one);
@@ -210,6 +216,7 @@ function shownPane(one, cases, part) {
   found.hidden = [...new Set(state.cases.map((k) => about.cases[k].variant))].filter((variant) => one.variants && !one.variants.includes(variant));
   if (one.kind === "time") Object.assign(found, judged(lines, one.requirement));
   if (one.metric && one.kind === "time") found.limits.push(...levels(one.metric, lines));
+  if (one.kind === "time" && !one.items.some(({ minus }) => minus !== null)) found.axis = `${titled(one)} ${unit}`;
   found.ending = (one.kind === "spectrum" ? `, ${summarized().map((time) => +readableTime(time, ...summarized())).join(" to ")} s` : "") + shorten(lines);
   if (one.kind === "time" && plotOf(one)?.fan) found.curves = [...lines, ...fan(plotOf(one).fan, lines.length)];
   return found;
@@ -248,11 +255,11 @@ const variantNumbers = numberIn("variant"), seedNumbers = numberIn("seed");
 
 function appearance({ run, variant, cases, seed }) {
   const place = variantNumbers.of.get(variant), number = seed === null || cases.length > 1 ? 0 : seedNumbers.of.get(seed);
-  return { color: variantNumbers.count > 1 ? place : run, ...lineOf(run, OPACITIES[number % OPACITIES.length]), dash: (about.runs.length > 1 ? run : number) + Math.floor(place / 8) };
+  return { color: variantNumbers.count > 1 ? place : run, ...lineOf(run, OPACITIES[number % OPACITIES.length]), dash: (about.runs.length > 1 ? Math.max(run - 1, 0) : number) + Math.floor(place / 8) };
 }
 
-// how the curves of a run are drawn: of several, those of the first are wide and pale, so that equal ones are seen on them
-const lineOf = (run, opacity = 1) => (about.runs.length > 1 && !run ? { width: 5, opacity: 0.45 * opacity, dash: [] } : { opacity, dash: about.runs.length > 1 ? DASHES[run % DASHES.length] : [] });
+// how the curves of a run are drawn: of several, those of the first are wide and pale, so that equal ones are seen on them, those of the second solid, as limits are dashed
+const lineOf = (run, opacity = 1) => (about.runs.length > 1 && !run ? { width: 5, opacity: 0.45 * opacity, dash: [] } : { opacity, dash: about.runs.length > 1 ? DASHES[(run - 1) % DASHES.length] : [] });
 
 // The curves of a pane. A single signal has the colors and dashes of its cases; of several signals, each has a color, and each run and variant a dash.
 // A color means one thing in all panes: those of signals follow those of the cases.

@@ -53,7 +53,7 @@ async function summarize() {
   const values = times.length ? await source.values(specs.slice(0, lines.length), lines.map((line) => own(line, times))) : [];
   const seeds = specs.some((spec) => spec.seeds?.length) ? "; over seeds the mean, or what the column says (range: point at it)" : "";
   const [begin, end] = windowOf(), away = state.cursors.flatMap((at, k) => (at < begin || at > end ? [`t${k + 1}`] : [])).join(" and ");
-  find("summarized").textContent = (isBetween() ? `between t1 and t2${away && ` (${away} outside of the visible time)`}` : state.window ? "of the visible time" : "of the whole time") + seeds;
+  find("summarized").textContent = (isBetween() ? `between t1 and t2${away && ` (${away} outside of the visible time)`}` : state.window ? "of the visible time" : "of the whole time") + seeds + seedsNotHere();
   find("values").querySelector("div").replaceChildren(valueTable(lines, values, statistics));
   if (playing) refresh();
 }
@@ -79,8 +79,8 @@ function valueTable(lines, values, statistics) {
   const row = (cells, tag = "td") => { const made = table.insertRow(); cells.forEach((text) => made.append(element(tag, text))); return made; };
   const cursors = [...(a === undefined ? [] : ["t1"]), ...(both ? ["t2", "t2 − t1"] : []), ...(state.time === null ? [] : ["now"])];
   row(["", ...cursors.map((name) => name.replace(/^t.$/, "at $&")), ...STATISTICS.map(([name, title]) => (isMerged && WORST[name] ? `${title} (${WORST[name]})` : title)), isMixed(lines) || !lines.length ? "slope" : `slope ${slopeUnit(lines[0].pane.unit)}`, "rate [Hz]"], "th");
-  if (cursors.length) {
-    const found = { t1: a, t2: b, "t2 − t1": b - a, now: state.time }, made = row(["time", ...cursors.map((name) => second(found[name])), ...Array(STATISTICS.length + 2).fill("")]);
+  if (cursors.length || innerWidth > NARROW) { // the row is there before its times, so that a cursor moves nothing
+    const found = { t1: a, t2: b, "t2 − t1": b - a, now: state.time }, made = row([cursors.length ? "time" : "\u00a0", ...cursors.map((name) => second(found[name])), ...Array(STATISTICS.length + 2).fill("")]);
     if (state.time !== null) made.cells[cursors.length].now = () => second(state.time);
     if (both && a !== b) {
       Object.assign(made.cells[cursors.length + 1], { textContent: `1 / (t2 − t1): ${number(1 / Math.abs(b - a), 0)} Hz`, colSpan: 3 });
@@ -165,7 +165,7 @@ function expectations() {
     const [one] = [...own].sort((a, b) => (b.verdict === "fail") - (a.verdict === "fail")), label = element("span", ""), badges = element("div", "");
     const found = button("", () => goTo(one), { className: "outcome", disabled: !one.signal || !nameInPage(one.signal) }), detailsOf = (some) => some.map(({ run, detail }) => `${several ? `${about.runs[run].letter}: ` : ""}${detail}`).join(" ");
     badges.append(...(several ? about.runs.flatMap(({ letter: run }, r) => { const each = element("span", `${run} `); each.append(badge(own.find((other) => other.run === r)?.verdict ?? "absent")); return [each, " "]; }) : [badge(one.verdict)]));
-    const small = detailsOf(several ? own.filter(({ verdict }) => verdict === "fail") : own);
+    const small = detailsOf(several ? own.filter(({ verdict }) => verdict === "fail" || (verdict === "skipped" && kindOf(own) === "differs")) : own);
     found.title = detailsOf(own);
     label.append(element("b", one.name), " ", element("small", small === one.name ? "" : small), absent(one));
     found.append(badges, label);

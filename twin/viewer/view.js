@@ -109,10 +109,12 @@ class Panes extends Chart {
   // how far a run is from run A; a difference that is zero in the visible window would otherwise look like a curve that is missing
   values(one) {
     super.values(one);
+    let wraps = false;
     for (const { equality, item, name } of one.curves) {
       const y = item.minus === null ? [] : [...(this.data[name]?.y ?? [])].filter((value) => !Number.isNaN(value)), text = item.minus === null ? distances.get(name) ?? "" : y.length && y.every((value) => value === 0) ? "(equal)" : "";
-      if (equality.textContent !== text) equality.textContent = text;
+      if (equality.textContent !== text) { equality.textContent = text; wraps = true; }
     }
+    if (wraps) this.measure();
   }
 }
 
@@ -222,7 +224,10 @@ function begin() {
     keep.last = steady();
     show();
   });
-  document.addEventListener("click", (event) => closeMenus(event.target));
+  document.addEventListener("click", (event) => {
+    closeMenus(event.target);
+    if (event.detail) event.target.closest("button, summary")?.blur(); // by the pointer: the space bar plays, it does not repeat the button
+  });
   document.querySelectorAll(".splitter").forEach(splits);
   show();
   new ResizeObserver(() => { find("stage").style.scrollPaddingTop = `${find("scene").open && innerWidth > NARROW ? find("scene").offsetHeight + 8 : 0}px`; }).observe(find("scene")); // it stays in view
@@ -245,8 +250,9 @@ function pressed(event) {
   if (event.key === "Escape") closeMenus(null);
   const step = event.ctrlKey || event.metaKey ? { z: -1, Z: 1, y: 1 }[event.key] : undefined;
   if (step && !event.target.closest("input, textarea") && (step > 0 || history.state)) { event.preventDefault(); history.go(step); return; }
-  if (event.target.closest("input, select, textarea") || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (event.target.closest("input:not([type=range]), select, textarea") || event.ctrlKey || event.metaKey || event.altKey) return;
   if (event.key === " " && !event.target.closest("button, summary")) { event.preventDefault(); find("play").click(); }
+  if (event.target.closest("input")) return; // its arrows move the time
   const move = KEYS[event.key];
   if (!move) return;
   event.preventDefault();

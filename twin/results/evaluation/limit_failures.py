@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from twin.results.recording.signals import Signals, Window
 
 Case = tuple[str, int]
+STATISTICS = {"mean": "mean", "std": "standard deviation", "rms": "RMS", "peak_to_peak": "peak to peak"}
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,7 @@ class CaseRange:
     """Smallest and largest value of a case [SI], their times and that of the first violation [s]; no times for a metric.
 
     `case`: variant and seed; None of the mean over all cases. `window_length` [s]: of values that are of so long before their times.
+    `statistic`: of what samples a metric of many is, such as `standard deviation`.
     """
 
     case: Case | None
@@ -35,6 +37,7 @@ class CaseRange:
     high_time: float | None = None
     first_violation: float | None = None
     window_length: float = 0.0
+    statistic: str = ""
 
 
 def in_windows(row: CaseRange, signal: Expression, window: Window, signals: Signals) -> CaseRange:
@@ -47,6 +50,15 @@ def in_windows(row: CaseRange, signal: Expression, window: Window, signals: Sign
     return replace(row, low_time=ends[0], high_time=ends[1], window_length=length)
 
 
+def with_statistic(row: CaseRange, reduce: str, parts: Iterable[tuple[Any, Any]]) -> CaseRange:
+    """Return a row with the statistic and the window of a metric that is no single sample. `parts`: time and value."""
+    times = [time for time, _ in parts if len(time)]
+    if reduce not in STATISTICS or not times:
+        return row
+    begin, end = float(times[0][0]), float(times[-1][-1])
+    return replace(row, low_time=end, high_time=end, window_length=end - begin, statistic=STATISTICS[reduce])
+
+
 @dataclass(frozen=True)
 class LimitSample:
     """Sample of a case outside of a limit, by `excess`; all SI. `case` and `time`: as in `CaseRange`."""
@@ -57,6 +69,7 @@ class LimitSample:
     excess: float
     is_low: bool
     window_length: float = 0.0
+    statistic: str = ""
 
 
 def describe_limits(expectation: Expectation) -> tuple[str, str, str]:
@@ -76,7 +89,15 @@ def violating_samples(expectation: Expectation, row: CaseRange) -> list[LimitSam
     low, high = expectation.at_least, expectation.at_most
     sides = ((row.low, row.low_time, low, None), (row.high, row.high_time, None, high))
     return [
-        LimitSample(row.case, value, time, float(limit_excess(value, *limits)), limits[1] is None, row.window_length)
+        LimitSample(
+            row.case,
+            value,
+            time,
+            float(limit_excess(value, *limits)),
+            limits[1] is None,
+            row.window_length,
+            row.statistic,
+        )
         for value, time, *limits in sides
         if is_outside(value, *limits)
     ]
@@ -125,7 +146,9 @@ def describe_samples(samples: Iterable[LimitSample], run: Sequence[Case], shown:
     for sample in samples:
         case = ", the mean of all runs" if sample.case is None else describe_cases([sample.case], run)
         where = f" in {case}" if case and sample.case else case
-        texts.setdefault(where, []).append(shown(sample.value) + time_text(sample.time, sample.window_length))
+        texts.setdefault(where, []).append(
+            f"{sample.statistic} {shown(sample.value)}".lstrip() + time_text(sample.time, sample.window_length)
+        )
     return " and ".join(" and ".join(dict.fromkeys(own)) + where for where, own in texts.items())
 
 

@@ -32,6 +32,7 @@ from twin.results.evaluation.limit_failures import (
     in_windows,
     list_cases,
     violating_samples,
+    with_statistic,
 )
 from twin.results.evaluation.metric_format import display_units
 from twin.results.evaluation.ordering import check_order
@@ -371,9 +372,8 @@ def check_expectation(
                 is_bad = is_outside(own, expectation.at_least, expectation.at_most)
                 parts = list(signals.evaluate_parts(metric.signal, metric.window)) if is_bad else []
                 times = extreme_times(metric.reduce, expectation.at_least, expectation.at_most, parts)
-                ranges.append(
-                    in_windows(CaseRange(case, own, own, times[0], *times), metric.signal, metric.window, signals)
-                )
+                row = in_windows(CaseRange(case, own, own, times[0], *times), metric.signal, metric.window, signals)
+                ranges.append(with_statistic(row, metric.reduce, parts))
         elif signals.has(expectation.signal):
             extremes = [
                 extreme_samples(part, expectation)

@@ -4,7 +4,7 @@
 //   panes:  [{title, ending, unit, weight, curves: [{name, label, short, color, step, dash, width, opacity, faint, low, high, about}], band: [low, high], lines: [y], own, log,
 //            x: {label, unit}, spans: [{from, to, text}], reach: [first, last], case: [variant, seed], range: [low, high], home, extent: [low, high], shared: [y], domain: [low, high], limits: [{y, from, to, failed, warns}]}]
 //           `ending`: of all labels, whose rest is `short`. `weight`: height relative to other panes. `own`: over its own x instead of time (x-y, spectra). log: "", "x", "y", "xy"
-//           `range`: of the vertical axis, and `domain`: of its own x, to which a user has zoomed; `home`: the range without zoom (default: `range`); `extent`: of the curves of all panes with this axis, `shared`: their violated limits
+//           `range`: of the vertical axis, and `domain`: of its own x, to which a user has zoomed; `axis`: panes with the same text share the range of all; `home`: the range without zoom (default: `range`); `extent`: of the curves of all panes with this axis, `shared`: their violated limits
 //           `reach`: times of the curves' ends; marks (of the pane's variant) and the time cursor are drawn in between only. marks: [{at, text, variants, first}]
 //           of a curve, other curves of the source: `faint`, drawn faintly behind it; `low` and `high`, with a filled area between them
 //   source: async ({names, from, to, span, points}) -> {from, to, last, curves: [{x, y, t, count}]}; t: times of the points of an x-y plot; count: samples in the window, of which `x` may have the extremes alone; span: length of the last seconds
@@ -16,10 +16,10 @@
 // A click on a name of the legend dims its curve.
 
 import { before, number } from "./scale.js";
-import { BOTTOM, GAP, LEFT, RIGHT, STRIP, TIMES, paintCurves, paintOverlays } from "./painter.js";
+import { BOTTOM, GAP, LEFT, NAME, RIGHT, STRIP, TIMES, paintCurves, paintOverlays } from "./painter.js";
 import { listenTo } from "./pointer.js";
 
-const PERIOD = 1000 / 31, TICK = PERIOD / 4, ROW = 24, SMALLEST = 24, AWAY = 24; // [ms], [ms]; height of a row of the legend, least height of a pane, distance of the read-out [px]
+const PERIOD = 1000 / 31, TICK = PERIOD / 4, ROW = 24, SMALLEST = 24, AWAY = 24, LARGE = 0.4; // [ms], [ms]; height of a row of the legend, least height of a pane, distance of the read-out [px]; part of a pane that it may cover
 const SVG = "http://www.w3.org/2000/svg";
 
 export class Chart {
@@ -120,6 +120,7 @@ export class Chart {
       this.redraw();
     };
     mark();
+    chip.append(" ");
     curve.shown = chip.appendChild(document.createElement("b"));
     const away = chip.appendChild(document.createElement("button"));
     away.type = "button";
@@ -136,14 +137,14 @@ export class Chart {
     this.readout.replaceChildren(title, ...hover.rows.map(({ label, text, ...curve }) => {
       const row = document.createElement("div"), value = document.createElement("span");
       value.textContent = text;
-      row.append(swatch(curve), label, value);
+      row.append(swatch(curve), `${label} `, value);
       return row;
     }), ...(hover.notes || []).map((text) => Object.assign(document.createElement("div"), { className: "twin-fail", textContent: text })));
-    // beside the samples that are read, where there is more room; inside the pane, or above it rather than over the legend of the next one
+    // beside the samples that are read, where there is more room; where it would cover much of the pane, above or below it
     const { offsetWidth: wide, offsetHeight: tall } = this.readout, { clientX: x, box } = hover, { left, right, top } = this.element.getBoundingClientRect();
-    const bottom = Math.min(top + box.top + box.height, innerHeight);
+    const bottom = Math.min(top + box.top + box.height, innerHeight), isLarge = tall > LARGE * box.height || wide > LARGE * (right - left), above = top + box.top - tall - 2, below = bottom + BOTTOM;
     this.readout.style.left = `${Math.max(x < (left + right) / 2 ? Math.min(x + AWAY, right - wide) : x - AWAY - wide, 0)}px`;
-    this.readout.style.top = `${Math.max(Math.min(top + box.top + 4, bottom - tall - 4), 0)}px`;
+    this.readout.style.top = `${isLarge && above >= 0 ? above : isLarge && below + tall <= innerHeight ? below : Math.max(Math.min(top + box.top + 4, bottom - tall - 4), 0)}px`;
   }
 
   // ---- requests
@@ -203,7 +204,7 @@ export class Chart {
   // heights below the panes, where numbers of an axis and names of marks stand
   below() {
     const timed = this.panes.findLastIndex((pane) => !pane.own);
-    return this.panes.map((pane, index) => (pane.own || index === timed ? BOTTOM : TIMES) + (index === timed && this.marks.length ? STRIP : 0));
+    return this.panes.map((pane, index) => (pane.own ? BOTTOM + NAME : index === timed ? BOTTOM : TIMES) + (index === timed && this.marks.length ? STRIP : 0));
   }
 
   places() {

@@ -6,6 +6,7 @@ export const LEFT = 58;   // margins [px]
 export const RIGHT = 14;
 export const GAP = 10;    // between panes
 export const BOTTOM = 26; // for the numbers of an axis
+export const NAME = 8;    // more, for the name of an axis
 export const TIMES = 19;  // for the times below a pane that is not the last
 export const STRIP = 16;  // for the names of marks
 const LEVELS = 3, TALL = 80; // least ticks of a vertical axis of at least this height [px]
@@ -54,8 +55,10 @@ function fitPane(chart, pane, box, shown, more) {
 // The range of the visible samples, or of all panes that share it, with references from the nearest on, as long as the curves keep half of the axis.
 // Violated limits of a pane with an axis of its own are in any case; a live axis has all, since it must not jump, but limits of warnings only while they are exceeded: far ones would flatten its curves.
 export function verticalRange(chart, pane, series, from, to) {
-  const own = pane.extent ? [{ x: [from, from], y: pane.extent }] : series, range = extent(own, from, to, []), most = MOST * (range[1] - range[0]), near = [];
-  const shared = (pane.shared || []).map((y) => ({ y })), far = [...references(pane), ...shared].map((one) => [Math.max(range[0] - one.y, one.y - range[1], 0), one]).sort(([a], [b]) => a - b);
+  const group = pane.axis ? chart.panes.filter(({ axis: own }) => own === pane.axis) : [pane];
+  const all = group.length > 1 ? group.flatMap((other) => { const { curves, more } = seriesOf(chart, other); return [...curves, ...more]; }) : series;
+  const own = pane.extent ? [{ x: [from, from], y: pane.extent }] : all, range = extent(own, from, to, []), most = MOST * (range[1] - range[0]), near = [];
+  const shared = (pane.shared || []).map((y) => ({ y })), far = [...group.flatMap(references), ...shared].map((one) => [Math.max(range[0] - one.y, one.y - range[1], 0), one]).sort(([a], [b]) => a - b);
   for (const [, { y, failed, warns }] of far) {
     const isWanted = warns ? (y < 0 ? range[0] < y : range[1] > y) : (failed && !pane.extent) || chart.follow;
     if (isWanted || Math.max(range[1], y, ...near) - Math.min(range[0], y, ...near) <= most) near.push(y);
@@ -73,11 +76,16 @@ function limited(faint, curves) {
 
 const references = (pane) => [...(pane.band || []).map((y) => ({ y, name: "band" })), ...(pane.lines || []).map((y) => ({ y, name: "line" })), ...(pane.limits || []).map((one) => ({ name: "limit", ...one }))];
 
-function drawPane(chart, context, pane, box) {
+// the samples of the curves of a pane, and those around and behind them
+function seriesOf(chart, pane) {
   const of = (name) => chart.data[name] || NOTHING, curves = pane.curves.map((curve) => of(curve.name));
-  const logY = (pane.log || "").includes("y"), shown = logY ? curves.map(({ x, y }) => ({ x, y: y.map((value) => (value > 0 ? value : NaN)) })) : curves;
   const more = pane.curves.flatMap((curve) => [curve.low, curve.high].filter(Boolean).map(of));
-  more.push(...limited(pane.curves.map((curve) => of(curve.faint)), curves));
+  return { of, curves, more: [...more, ...limited(pane.curves.map((curve) => of(curve.faint)), curves)] };
+}
+
+function drawPane(chart, context, pane, box) {
+  const { of, curves, more } = seriesOf(chart, pane);
+  const logY = (pane.log || "").includes("y"), shown = logY ? curves.map(({ x, y }) => ({ x, y: y.map((value) => (value > 0 ? value : NaN)) })) : curves;
   fitPane(chart, pane, box, shown, more);
   box.shown = shown;
   drawFrame(chart, context, pane, box);
@@ -157,17 +165,15 @@ function levels({ low, high, height }) {
 function drawColumns(context, pane, box, width) {
   const bottom = box.top + box.height, columns = box.logX ? decades(box.from, box.to) : ticks(box.from, box.to, width / 90);
   const name = (pane.own && pane.x && [pane.x.label, pane.x.unit].filter(Boolean).join(" ")) || "";
-  const free = 16 + context.measureText(name).width;  // the name of the axis stands left of its numbers; times have their unit
   context.textAlign = "center"; context.textBaseline = "top";
   for (const x of columns.at) {
     const at = Math.round(box.across(x)) + 0.5;
     line(context, at, box.top, at, bottom);
     const text = number(x, columns.step) + (pane.own || x !== columns.at.at(-1) ? "" : " s");
     const half = context.measureText(text).width / 2;
-    if (at - half > free) context.fillText(text, Math.min(at, LEFT + width + RIGHT - half), bottom + 5);
+    context.fillText(text, Math.min(at, LEFT + width + RIGHT - half), bottom + 5);
   }
-  context.textAlign = "left";
-  context.fillText(name, 8, bottom + 5);
+  context.fillText(name, LEFT + width / 2, bottom + 18); // times have their unit
 }
 
 // whether a pane shows a mark: where its curves reach, and in its variants only
