@@ -38,6 +38,6 @@ class MetricTable(pd.DataFrame):  # type: ignore[misc]  # pandas has no types he
     def _repr_html_(self) -> str:
         with pd.option_context("display.max_colwidth", None):
             html = str(self.to_html(**self._print_options, border=0))
-        for name in self.select_dtypes("object").columns:
+        for name in self.select_dtypes(exclude=["number", "bool"]).columns:
             html = html.replace(f"<th>{escape(str(name))}</th>", f"<th {LEFT}>{escape(str(name))}</th>")
         return TEXT_CELL.sub(f"<td {LEFT}>", html)
