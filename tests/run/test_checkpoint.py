@@ -117,6 +117,17 @@ SHIPPED = sorted(path.stem for path in (ROOT / "scenarios").glob("*.yaml"))
 PYTHON_SIDE = {"bench_buckling", "bench_force", "bench_hysteresis", "bench_wall"}  # their bodies are Python objects
 
 
+def test_a_continued_run_with_changed_values_is_not_compared_with_published_ones():
+    """Its frozen scenario has no overrides, so that every variant would look unchanged."""
+    from twin.run.recovery import with_texts
+
+    frozen = load_scenario(ROOT / "scenarios" / "heart_wall_force.yaml")
+    data = {"name": "a", "title": "", "description": "", "source": "", "path": "a.yaml"}
+    restored = with_texts(frozen, {**data, "overrides": ["heart.rate=1.2 Hz"], "paper_applies": False})
+    assert frozen.unchanged_variants
+    assert (restored.paper_applies, restored.unchanged_variants) == (False, ())
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_scenarios_at_random_times(tmp_path, build, name):

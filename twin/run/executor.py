@@ -157,6 +157,7 @@ def recording_header(result: RunResult, cases: Sequence[Case], report: bool) -> 
         "overrides": list(info.overrides),
         "started": info.started.isoformat(),
         "paper_applies": result.scenario.paper_applies,
+        "unchanged_variants": list(result.scenario.unchanged_variants),
         "report": report,
         "cases": [[case.variant, case.seed] for case in cases],
         "columns": [column_to_dict(column) for column in result.columns],

@@ -69,7 +69,8 @@ def restore_executor(
     data, folder = recording.header, recording.folder.parent
     options = replace(options, report=options.report and data["report"])
     is_session = (folder / OPERATED).exists()  # its operator may have changed values
-    data = {**data, "paper_applies": data["paper_applies"] and not is_session}
+    if is_session:
+        data = {**data, "paper_applies": False, "unchanged_variants": []}
     scenario = with_texts(load_scenario(folder / "scenario.yaml"), data)
     catalogs: dict[str, Any] = {}
     with suppress(TwinError):  # an FMU may be missing although its signals were recorded
@@ -88,9 +89,14 @@ def restore_executor(
 
 
 def with_texts(scenario: ScenarioSpec, data: Mapping[str, Any]) -> ScenarioSpec:
-    """Return a frozen scenario with the name, texts, path and overrides of the scenario that was run."""
+    """Return a frozen scenario with the name, texts, path and overrides of the scenario that was run.
+
+    The frozen one has no overrides, so that its own `unchanged_variants` would be all. A continued run has none.
+    """
     texts = {key: data[key] for key in ("name", "title", "description", "source", "paper_applies")}
-    return replace(scenario, path=Path(data["path"]), overrides=tuple(data["overrides"]), **texts)
+    unchanged = tuple(data.get("unchanged_variants", ()))
+    overrides = tuple(data["overrides"])
+    return replace(scenario, path=Path(data["path"]), overrides=overrides, unchanged_variants=unchanged, **texts)
 
 
 def finalize_dead_cases(executor: RunExecutor, recording: RunRecording) -> list[Case]:
