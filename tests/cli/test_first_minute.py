@@ -231,7 +231,7 @@ def test_a_study_that_has_run_is_listed_and_described(beats):
     assert "Did you mean 'few_patients.yaml'?" in str(invoke("study", "few_patient").exception)
     Path("few_patients.yaml").write_text(f"{text}set: {{heart.rat: 1}}\n")
     assert invoke("check", "few_patients.yaml").output.startswith(
-        "few_patients.yaml:4: set: heart has no variable `rat`."
+        "few_patients.yaml:4: set.heart.rat: heart has no variable `rat`."
     )
 
 

@@ -234,7 +234,7 @@ def test_a_session_that_is_over_says_so_beside_its_controls(tmp_path, build, bro
         page.get_by_text("The session is over: controls have no effect.").wait_for()
         assert page.locator(".twin-control .way").first.is_disabled()
         assert page.text_content("#twin-message") == ""
-        page.locator(".twin-done .twin-line", has_text=re.compile("^STOP$")).wait_for()
+        page.locator(".twin-done .twin-line", has_text=re.compile("^End$")).wait_for()
         page.get_by_label("one step of 1 ms").wait_for(state="hidden")
 
 

@@ -231,7 +231,7 @@ def test_html() -> None:
         "✗ fail",
         "1 passed",
         "stays &lt;in&gt; band",
-        "<code>a.k 3</code>",
+        "With a.k 3, 2 of 4 requirements fail",
         "stiffness",
         "set a.k = 4 N/m",
         "None of its signals was recorded",
@@ -268,12 +268,9 @@ def test_the_first_screen_answers() -> None:
     ):
         assert text in head
     verdicts = html[html.index('id="requirements"') : html.index('id="metrics"')]
-    key = verdicts[verdicts.index('<table class="key">') :]
-    key = key[: key.index("</table>")]
-    assert re.findall("<tr><td>(.*?)</td>", key) == ["PI", "PI+FF"]
-    assert re.findall('<td class="number( soft)?">([^<]*)</td></tr>', key) == [("", "0.98"), ("", "0.14")]  # judged
+    assert '<table class="key">' not in html  # what failed stands in its position
     assert html.index("</header>") < html.index('id="requirements"')
-    assert verdicts.index("<b>stays &lt;in&gt; band</b>: 0.25 N") < verdicts.index(
+    assert verdicts.index("<b>stays &lt;in&gt; band</b>") < verdicts.index(
         "<summary>1 passed, and 1 of the paper's values within their tolerance ("
     )
 

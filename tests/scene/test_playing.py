@@ -178,7 +178,7 @@ def test_a_report_has_one_cursor_of_time(run, browser):
     page.goto(f"file://{run}/report.html")
     charts = "[...document.querySelectorAll('.twin-chart')].map((element) => element.chart)"
     page.wait_for_function(f"{charts}.length && {charts}.every((chart) => chart.frames)")
-    assert page.locator(".player .now").inner_text() == "0.300 s"  # where the first plot begins
+    assert page.locator(".player .now").inner_text() == "0.650 s"  # halfway
     page.locator(".player .time").fill("45")  # of 101 instants from 0 s to 1 s
     assert page.locator(".player .now").inner_text() == "0.450 s"
     assert page.evaluate(f"{charts}[0].time") == pytest.approx(0.45, abs=1e-3)

@@ -93,8 +93,9 @@ def test_what_is_interrupted_goes_on(study, outcome, build, tmp_path):
     seen = []
 
     def stop(progress):
+        is_first = progress.done == 5 and all(before.done < 5 for before in seen)  # a second one would end at once
         seen.append(progress)
-        if progress.done == 5:
+        if is_first:
             raise KeyboardInterrupt
 
     first = run_study(study, root=tmp_path, build=build, workers=1, listen=stop, report=False)

@@ -59,7 +59,7 @@ def test_a_page_of_a_file_needs_no_network(browser, folders, tmp_path):
     page = Page(context, target.as_uri())
     assert [one for one in page.asked if not one.startswith(("data:", "blob:"))] == [target.as_uri()]
     chosen = page.page.locator("#chosen").inner_text()
-    assert chosen == "2 of 2 shown; seeds 2: not in this page"
+    assert chosen == "2 of 2 shown; seed 2 not in this page"
     first, second = page.curves()
     assert (first["title"], first["unit"], second["unit"]) == ("heart.position", "mm", "mm/s")
     begin, end = page.state["window"]

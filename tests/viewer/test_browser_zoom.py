@@ -240,7 +240,7 @@ def test_a_page_of_one_file_opens_as_the_viewer(browser, held, tmp_path):
     page = Page(context, (tmp_path / "page.html").as_uri())
     assert page.state["window"] == pytest.approx([4.0, 9.995])
     assert [one["title"] for one in page.curves()] == ["sensor.force", "sensor.force over tip.position"]
-    assert page.page.locator("#chosen").inner_text() == "1 of 1 shown"
+    assert page.page.locator("#chosen").inner_text() == "1 of 1 shown; seed 2 not in this page"
     assert not page.page.locator("#together").is_visible()  # one seed has no range
     page.drag(0.6, 0.8)
     page.until("() => history.state === 1")
@@ -255,7 +255,7 @@ def test_the_table_has_the_unit_of_the_axis_and_the_read_out_stays_in_its_pane(b
     with viewed(held) as address:
         context = browser.new_context(viewport={"width": 1400, "height": 900})
         page = Page(context, address)
-        _, title, row = table(page, ["mean"])
+        *_, title, row = table(page, ["mean"])
         assert title[0] == "sensor.force [N]"
         assert float(row[1]) == pytest.approx(0.205, abs=1e-3)
         x, y = page.place(0.3)

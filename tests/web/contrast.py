@@ -23,7 +23,9 @@ FAILURES = """() => {
   const check = (element, color, text) => {
     const style = getComputedStyle(element), box = element.getBoundingClientRect();
     if (!box.width || !element.checkVisibility({ opacityProperty: true, visibilityProperty: true }) || element.closest(":disabled, .disabled, [aria-hidden=true]")) return;
-    const under = (element.ownerSVGElement ? fills(element) : []).reduce((below, fill) => over(fill, below), background(element)), own = rgba(color), opacity = parents(element).reduce((all, each) => all * getComputedStyle(each).opacity, 1);
+    const drawing = element.ownerSVGElement, inverted = drawing ? Number(/invert\\(([\\d.]+)/.exec(getComputedStyle(drawing).filter)?.[1] ?? 0) : 0;
+    const filtered = ([r, g, b, a]) => [...[r, g, b].map((c) => inverted * (255 - c) + (1 - inverted) * c), a]; // of grays, whose hue does not turn
+    const under = (drawing ? fills(element).map(filtered) : []).reduce((below, fill) => over(fill, below), background(element)), own = filtered(rgba(color)), opacity = parents(element).reduce((all, each) => all * getComputedStyle(each).opacity, 1);
     const [a, b] = [light(over([...own.slice(0, 3), own[3] * opacity], under)), light(under)].sort((x, y) => y - x);
     const size = parseFloat(style.fontSize), isLarge = size >= 24 || (size >= 18.66 && style.fontWeight >= 700);
     const ratio = (a + 0.05) / (b + 0.05);

@@ -231,7 +231,7 @@ def view_signals(folders: list[Path], options: ViewOptions, target: Path | None)
     signals = select_signals(runs, options.patterns) if options.patterns else ()
     if internal := left_out(runs, options.patterns, signals):
         text = f"left out: {', '.join(internal)} (long arrays, states of random numbers; name them to include them)"
-        click.echo(text, err=True)  # the first line is the address
+        say(text, err=True)  # the first line is the address
     if target is None:
         serve(runs, options.port, say, open_browser=not options.no_open, signals=signals, cases=cases)
         return

@@ -165,7 +165,8 @@ function other(minus, number) {
 // the seeds of shown variants that a page of one file does not have, in words
 function seedsNotHere() {
   const own = about.embedded ? about.cases.filter((one, k) => !about.shown.includes(k) && about.shown.some((other) => about.cases[other].run === one.run && about.cases[other].variant === one.variant)) : [];
-  return own.length ? `; seeds ${[...new Set(own.map(({ seed }) => seed))].join(", ")}: not in this page` : "";
+  const seeds = [...new Set(own.map(({ seed }) => seed))];
+  return seeds.length ? `; seed${seeds.length > 1 ? "s" : ""} ${seeds.join(", ")} not in this page` : "";
 }
 
 // cases by run and variant, or each alone
