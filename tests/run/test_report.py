@@ -6,7 +6,6 @@ Over 400 lines: one finished run serves all tests.
 from __future__ import annotations
 
 import io
-import re
 import subprocess
 import sys
 from dataclasses import replace
