@@ -95,7 +95,7 @@ def test_while_cases_run(study, build, tmp_path):
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_while_runs_are_kept(build, tmp_path, monkeypatch):
     """All cases are done: the study goes on with the runs that it has not kept yet."""
-    text = STUDY.replace("keep: {", "keep: {failed: 2, ")
+    text = STUDY.replace("keep: {", "keep: {failed: 6, ")
     study = load_study(study_file(tmp_path, text, SCENARIO.replace("at_most: 90 mN", "at_most: 1 mN")))
     module = importlib.import_module("twin.study.execution.stored_case")  # the package has a function of that name
     repeat, numbers = module.repeat, []

@@ -67,7 +67,7 @@ def interactive_figure(
     return figure
 
 
-def show_still_beside(figure: Any, draw: Callable[[], Any]) -> None:
+def add_still_picture(figure: Any, draw: Callable[[], Any]) -> None:
     """Let a notebook store a picture beside the data of plotly: for pages that it is exported to, which were blank.
 
     `draw`: of Matplotlib.

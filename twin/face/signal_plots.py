@@ -12,7 +12,7 @@ from twin import clock
 from twin.errors import ScenarioError, TwinError, UnknownNameError, quote_names
 from twin.face import notebook
 from twin.face.conversions import as_list, nanoseconds
-from twin.face.interactive import interactive_figure, is_plotly_installed, show_still_beside
+from twin.face.interactive import add_still_picture, interactive_figure, is_plotly_installed
 from twin.face.progress import in_notebook
 from twin.face.signal_names import array_of, describe_unknown, find_variable, flatten, names_of
 from twin.files import split_unit
@@ -142,7 +142,7 @@ class SignalPlots:
         if not interactive:
             figure._repr_html_ = partial(notebook.figure, figure)
         elif in_notebook():
-            show_still_beside(figure, partial(plotting.plot_figure, *arguments))
+            add_still_picture(figure, partial(plotting.plot_figure, *arguments))
         return figure
 
     def _chosen_plots(self, what: Sequence[str], xy: Sequence[str] | None) -> list[Plot]:

@@ -154,7 +154,9 @@ def embedded_page(
 def with_metrics(signals: Sequence[str], metrics: Sequence[Mapping[str, Any]], most: int) -> list[str]:
     """Return signals, and up to so many with those of the metrics, first those that have a published value."""
     ranked = sorted(metrics, key=lambda metric: all(row["reference"] is None for row in metric["rows"]))
-    names = dict.fromkeys([*signals, *(name for one in ranked for name in (*one["sources"], one["signal"]) if name)])
+    names = dict.fromkeys(
+        [*signals, *(name for metric in ranked for name in (*metric["sources"], metric["signal"]) if name)]
+    )
     return list(names)[: max(most, len(signals))]
 
 
