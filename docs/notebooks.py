@@ -32,8 +32,9 @@ TASKS = (
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$\n?", re.MULTILINE | re.DOTALL)
 SAVED = re.compile(r"Save this as\s+`([^`]+)`:\s*$")
 SAVE = "%%writefile "
-REMOVED = re.compile(r"[^\n]*\n\x1b\[1A\x1b\[2K")  # a line that a terminal would not show any more, such as a bar
-CODES = re.compile(r"\x1b\[[\d;]*[A-Za-z]")  # of a terminal: colors
+# a line that a terminal would not show any more, such as a bar
+REMOVED = re.compile(r"[^\n]*(?:\n(?:\x1b\[\?25[hl])?\r?\x1b\[1A|\r)\x1b\[2K")
+CODES = re.compile(r"\x1b\[[?\d;]*[A-Za-z]")  # of a terminal: colors
 PATIENCE = 600  # for a cell [s]
 DRAWN = (("image/svg+xml", "svg"), ("image/png", "png"))  # what is a file of its own, the better first
 
