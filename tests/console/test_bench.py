@@ -180,6 +180,7 @@ def test_a_telephone_has_all_in_sight_and_values_of_a_lost_server_are_the_last_k
 def test_the_steps_from_a_box_to_a_move(drive, page):
     with watching(drive) as line:
         node = line.drive("1", "faulhaber_v3")
+        opened(page, "scan")
         page.get_by_role("button", name="scan").click()
         said(page, "node 1 (servomotor)")
         opened(page, "direction, push")
@@ -214,7 +215,7 @@ def test_a_reset_says_which_fault_it_clears_and_a_move_does_not_clear_it(drive, 
     request(int(drive.control), Fault(Cause.EMCY, 0x7300))
     opened(page, "enable")
     page.get_by_role("button", name="enable", exact=True).click()
-    page.wait_for_selector(".twin-state:has-text('7300h encoder')")
+    page.wait_for_selector(".twin-result:has-text('7300h encoder')")
     page.wait_for_function("document.querySelector('.twin-typed').textContent.includes('exit code 1')")
     opened(page, "reset")
     page.get_by_role("button", name="reset", exact=True).click()
@@ -254,11 +255,7 @@ def test_another_page_watches_it(drive, served, page, browser):  # noqa: F811
 def test_a_page_that_answers_late_says_so_and_a_stopped_move_what_to_do(drive, page):
     """After a pause that is shorter than its limit it warns; after one that is longer the drive stands, in amber."""
     opened(page, "move")
-    assert (
-        page.get_by_text("Not checked: check, direction, jog: it may move the wrong way.")
-        .locator("visible=true")
-        .count()
-    )
+    assert page.get_by_text("Not checked: direction, jog: it may move the wrong way.").locator("visible=true").count()
     page.get_by_label("by", exact=True).locator("visible=true").first.fill("9 mm")
     page.get_by_role("button", name="move", exact=True).click()
     page.wait_for_selector(".twin-tiles >> text=Operation enabled")
