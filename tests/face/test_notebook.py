@@ -301,6 +301,7 @@ def test_progress_of_a_run():
 @pytest.fixture
 def shown(monkeypatch):
     """What a notebook shows in its one output, one after the other."""
+    pytest.importorskip("IPython", reason="the extra `docs` is not installed")
     texts = []
 
     def update(data, *, raw, display_id=None):

@@ -365,6 +365,7 @@ def test_only_the_operator_acts_and_errors_are_shown(typed, monkeypatch):
     nicegui = pytest.importorskip("nicegui")
     notes, done = [], []
     monkeypatch.setattr(nicegui.ui, "notify", lambda text, **_: notes.append(text))
+    monkeypatch.setattr(nicegui.ui, "context", SimpleNamespace(client=SimpleNamespace(is_deleted=False)))
 
     async def io_bound(function):
         function()
