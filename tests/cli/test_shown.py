@@ -1,4 +1,7 @@
-"""What commands print of their results: each table as a whole, from results that a test chooses."""
+"""What commands print of their results: each table as a whole, from results that a test chooses.
+
+Over 400 lines: what commands show while they run shares its stand-ins.
+"""
 
 import dataclasses
 import io

@@ -1,4 +1,7 @@
-"""The page in a real browser, from the list of scenarios to the end of a session."""
+"""The page in a real browser, from the list of scenarios to the end of a session.
+
+Over 400 lines: one served session for all tests of its page.
+"""
 
 import itertools
 import re

@@ -1,4 +1,7 @@
-"""Plots of a run in Python: which signals of which cases they show, in which units, from a run that a test writes."""
+"""Plots of a run in Python: which signals of which cases they show, in which units, from a run that a test writes.
+
+Over 400 lines: plots of runs, simulations and two runs share one run.
+"""
 
 import pickle
 from types import SimpleNamespace

@@ -1,4 +1,7 @@
-"""The page of commissioning, built without a browser: texts, buttons, and the commands that they begin."""
+"""The page of commissioning, built without a browser: texts, buttons, and the commands that they begin.
+
+Over 400 lines: the steps of one page share its fixtures.
+"""
 
 import asyncio
 import os
