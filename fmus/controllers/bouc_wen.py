@@ -39,7 +39,7 @@ class BoucWenInverse(Component):
         source="chosen: the compensated speed is at most 5 times the wanted one",
     )
 
-    hysteresis = local(0.0, "mm", "h")
+    hysteresis = local(0.0, "", "h, for positions in mm")
     position_out = local(0.0, "m", "wanted tip position of the last sample", display_unit="mm")
     position_in = local(0.0, "m", "gripper position that should lead there", display_unit="mm")
 
