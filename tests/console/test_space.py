@@ -35,12 +35,23 @@ def browser(chromium):  # noqa: F811
 
 
 @pytest.fixture
-def page(served, browser):
-    context = browser.new_context(viewport={"width": 1400, "height": 900}, color_scheme="light")
-    one = context.new_page()
-    one.set_default_timeout(60_000)  # machines that test are busy, and so is a processor that draws
-    yield one
-    context.close()
+def page_of(browser):
+    contexts = []
+
+    def new_page(**options):
+        contexts.append(browser.new_context(**options))
+        one = contexts[-1].new_page()
+        one.set_default_timeout(60_000)  # machines that test are busy, and so is a processor that draws
+        return one
+
+    yield new_page
+    for context in contexts:
+        context.close()
+
+
+@pytest.fixture
+def page(page_of):
+    return page_of(viewport={"width": 1400, "height": 900}, color_scheme="light")
 
 
 def opened(page, served):
@@ -122,10 +133,9 @@ def test_it_draws_moves_turns_and_keeps_its_memory(page, served):
 
 
 @pytest.mark.parametrize("size", [(360, 780), (900, 800), (1400, 900)])
-def test_no_control_moves_under_the_pointer(served, browser, size):
+def test_no_control_moves_under_the_pointer(page_of, served, size):
     """While it is held, when it is released, and while a warning is shown."""
-    context = browser.new_context(viewport={"width": size[0], "height": size[1]}, has_touch=size[0] == 360)
-    page = context.new_page()
+    page = page_of(viewport={"width": size[0], "height": size[1]}, has_touch=size[0] == 360)
     page.set_default_timeout(60_000)
     page.goto(served.address, wait_until="commit")
     page.wait_for_selector(".twin-control")
@@ -152,14 +162,20 @@ def test_no_control_moves_under_the_pointer(served, browser, size):
     page.wait_for_timeout(700)
     seen.append(page.evaluate(tops))
     page.evaluate(  # a warning, as the loop would send it
-        """async () => { const { channel } = await import('/console/channel.js');
-          for (const one of channel.listeners) one({ values: { ...channel.values, 'friction.wall_force': 5 }, held: {}, phase: 'running', time: 1, operator: true }); }"""
+        """async () => {
+          const { channel } = await import('/console/channel.js');
+          await new Promise((sent) => channel.listeners.add(function warn(state) {
+            if (!state.values) return;
+            channel.listeners.delete(warn);
+            for (const one of channel.listeners) one({ ...state, values: { ...state.values, 'friction.wall_force': 5 } });
+            sent();
+          }));
+        }"""
     )
     seen.append(page.evaluate(tops))
     page.wait_for_timeout(700)
     seen.append(page.evaluate(tops))
     assert all(each == pytest.approx(before, abs=0.5) for each in seen)
-    context.close()
 
 
 def test_without_webgl_the_other_picture_stays(page, served):

@@ -7,7 +7,7 @@ const EXPIRED = "Release and press again.";  // end of a message on an expired h
 
 export default {
   template: `<div><button id="twin-stop" :style="{ visibility: label ? 'visible' : 'hidden' }" type="button" :class="{ 'twin-end': label && label !== 'STOP' }" :title="about" :disabled="!connected || (lost && !silent)"
-    @click="stop">{{ label }}</button><p class="twin-disconnected" role="alert" v-if="lost">{{ warning }}</p></div>`,
+    @click="stop">{{ label || "STOP" }}</button><p class="twin-disconnected" role="alert" v-if="lost">{{ warning }}</p></div>`,
   props: { page: String, attends: Boolean, hardware: Boolean, stop_label: String },
   data() { return { label: this.stop_label, connected: false, lost: false, silent: false }; },
   watch: { lost(lost) { document.body.classList.toggle("twin-lost", lost); } },
