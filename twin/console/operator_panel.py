@@ -325,13 +325,9 @@ def overrides(context: PageContext, live: LiveSession) -> None:
 def read(text: str) -> Any:
     """Parse a number, true or false; other texts, e.g. with a unit, are returned unchanged."""
     plain = text.strip()
-    words = {"true": True, "false": False}
-    if plain.lower() in words:
-        return words[plain.lower()]
-    try:
+    with suppress(ValueError):
         return float(plain)
-    except ValueError:
-        return plain
+    return {"true": True, "false": False}.get(plain.lower(), plain)
 
 
 def done(context: PageContext, live: LiveSession) -> None:

@@ -49,10 +49,7 @@ def heading(status: Mapping[str, Any]) -> str:
         armed, kind = "stopped; states as last read", "soft"
     elif status["stopped"]:
         armed, kind = f"stopped: {status['stopped']}", "bad"
-    figures = {
-        "drives follow": status["control"],
-        "bus": f"{status['interface']} {status['channel']}".strip() or "simulated",
-    }
+    figures = {"master": status["control"], "bus": f"{status['interface']} {status['channel']}".strip() or "simulated"}
     if status["brought_up"]:
         figures["bus"] += f", load {100 * status['bus_load']:.1f} %"
         figures["cycle"] = f"{status['cycle'] * 1e3:g} ms, {status['cycles']} done"

@@ -36,10 +36,7 @@ if TYPE_CHECKING:
     from twin.console.session import Host, RunMetrics
     from twin.live import Catalog, LiveSession
 
-JUDGE_PERIOD = 1.0  # [s]
-QUICK = (
-    0.05  # a judgment that takes longer is followed by a pause of ten times its duration [s]: joysticks need the server
-)
+JUDGE_PERIOD = 1.0  # [s]; a pause of ten times the duration of a judgment follows it: joysticks need the server
 PAGE, REPORT = "signals.html", "report.html"
 DIGITS = 4  # of the largest number in a row of metrics
 ROWS_DELAY = 0.1  # after the last step, its row is written [s]
@@ -115,17 +112,14 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
 
     async def judge() -> None:
         begin, is_at_end = time.monotonic(), console.has_ended
-        is_waiting = (
-            begin < paused_until[0] and is_at_end == judged_at_end[0]
-        )  # the end is judged at once, as on the card
+        is_waiting = begin < paused_until[0] and is_at_end == judged_at_end[0]  # at the end as soon as the card
         if live.state.epoch == 0 or verdicts.live is not console.live or is_waiting:
             return
         if is_at_end != judged_at_end[0]:
             await asyncio.sleep(ROWS_DELAY)
         judged_at_end[0] = is_at_end
         rows = await nicegui_run.io_bound(verdicts.rows)
-        duration = time.monotonic() - begin
-        paused_until[0] = begin + max(JUDGE_PERIOD, 11 * duration if duration > QUICK else 0.0)
+        paused_until[0] = begin + max(JUDGE_PERIOD, 11 * (time.monotonic() - begin))
         is_open = any(row.verdict == WAITING for row in rows or ())
         has_ended = live.state.phase in OVER or (live.state.time >= verdicts.catalog.judged_until and not is_open)
         is_over, is_scored = live.state.phase in OVER, bool(verdicts.catalog.targets)
@@ -380,13 +374,11 @@ def fill(context: PageContext, live: LiveSession, catalog: Catalog, kind: str) -
     following = dict(pairwise(catalog.variants)) if not catalog.controls and console.hardware is None else {}
     if kind not in OVER:
         button("End: replay and report", console.stop, is_next=True)
-        button(again, console.reset)
     elif state.folder:
         pages = {"report": "/report"} if (Path(state.folder) / REPORT).is_file() else {}
         for text, address in (pages | {"replay and signals": "/signals"}).items():
             ui.button(text).props(f"dense no-caps unelevated color=primary href={address} target=_blank")
-    if kind in OVER:
-        button(again, console.restart, console.variant)
+    button(again, *((console.restart, console.variant) if kind in OVER else (console.reset,)))
     if variant := following.get(catalog.variant):
         button(f"again with {variant}", console.restart, variant)
     if kind in OVER:

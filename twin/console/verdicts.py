@@ -104,9 +104,7 @@ class SessionVerdicts:
         rows = []
         for each in self.expectations:
             if (result := results.get(id(each))) is not None:
-                is_open = (
-                    result.verdict == "fail" and each.signal is None and each.metric in unfinished
-                )  # may come right
+                is_open = result.verdict == "fail" and each.signal is None and each.metric in unfinished
                 verdict = WAITING if is_open else NOT_JUDGED if result.verdict == "skipped" else result.verdict
                 rows.append(Row(verdict, result.name, result.detail, is_outside=result.is_outside))
             elif changed and each.nominal:
@@ -141,10 +139,7 @@ def metric_name(metric: Metric) -> str:
 
 
 def metric_row(result: MetricResult, is_final: bool) -> Row:
-    """Return the row of a metric; one that is not final may still come within its tolerance, and is not failed.
-
-    At other settings it has no reference: its values are not comparable.
-    """
+    """Return the row of a metric; one that is not final may still come within its tolerance, and is not failed."""
     metric = result.metric
     reference = "" if result.paper is None else f"; reference {metric.shown(result.paper)}"
     verdict = {"pass": "pass", "fail": "fail" if is_final else WAITING, "none": "fail" if is_final else METRIC}
@@ -152,7 +147,7 @@ def metric_row(result: MetricResult, is_final: bool) -> Row:
     detail = f"{metric.shown(result.mean, result.scale)}{reference}"
     name = metric_name(metric)
     verdict_now = verdict.get(result.verdict, METRIC)
-    paper = None if result.verdict == "other" else result.paper
+    paper = None if result.verdict == "other" else result.paper  # at other settings it is not comparable
     return Row(verdict_now, name, detail, True, metric, result.mean, paper, is_final=is_final)
 
 

@@ -39,7 +39,7 @@ def draw_plots(
 ) -> list[ReportFigure]:
     """Draw the plots, those of violations that no other shows first; without plots every recorded signal is drawn.
 
-    `codes`: names of the values of signals, by their texts. `progress`: gets the fraction of the report that is drawn.
+    `codes`: names of the values of signals, by their texts. `progress`: gets the completed fraction of the report.
     """
     scenario_plots = list(plots) or plotting.default_plots(tables)
     all_plots = [*plots_of_unshown_violations(scenario_plots, tables, violations), *scenario_plots]

@@ -31,17 +31,17 @@ def told(rig):
 
 
 @pytest.mark.slow
-def test_drives_follow_this_session_from_its_first_step_to_its_end(rig):
+def test_the_master_is_this_session_from_its_first_step_to_its_end(rig):
     rig.hardware.status()  # asked for before there is a bus
     status, page = told(rig)
     assert (status["control"], status["brought_up"], status["nodes"]) == ("no program", False, {})
-    assert "<dt>drives follow</dt><dd>no program</dd>" in page
+    assert "<dt>master</dt><dd>no program</dd>" in page
     rig.set(target_velocity=0.05)
     rig.go(100)
     status, page = told(rig)
     assert (status["control"], status["brought_up"], status["stopped"]) == ("this session", True, "")
     assert status["nodes"]["servomotor"]["state"] == "Operation enabled"
-    assert "<dt>drives follow</dt><dd>this session</dd>" in page
+    assert "<dt>master</dt><dd>this session</dd>" in page
     rig.axis.close()
     status, page = told(rig)
     assert (status["control"], status["stopped"]) == ("no program", "stopped")

@@ -300,10 +300,7 @@ def count_verdicts(summary: Mapping[str, Any]) -> tuple[int, int]:
 
 
 def count_not_judged(summary: Mapping[str, Any]) -> tuple[int, int]:
-    """Return how many requirements were not judged, and how many of them lie outside of their limits for nominal values.
-
-    At other settings than the paper's these include its values with a tolerance: the counts of all runs have one sum.
-    """
+    """Return how many requirements, also of the paper's values, were not judged, and how many are outside of nominal limits."""
     skipped = [result for result in summary["expectations"] if result["verdict"] == "skipped"]
     compared = [metric for metric in summary.get("metrics", {}).values() if metric.get("tolerance") is not None]
     others = sum(result["verdict"] == "other" for metric in compared for result in metric["variants"].values())
