@@ -290,7 +290,7 @@ def test_a_stop_of_drives_is_no_orderly_end():
     session.simulated = SimpleNamespace(finished=False, time=10**9)
     assert "the operator ended it before the end" in Session.early_end(session)[0]
     session.drives = "drives"
-    assert "the operator stopped the drives (STOP) before the end" in Session.early_end(session)[0]
+    assert "the operator stopped the drives (STOP or Ctrl-C) before the end" in Session.early_end(session)[0]
 
 
 def fake_session(**attributes):

@@ -202,8 +202,8 @@ class Session:
             return f"ended at {time:g} s: the console was killed.", False
         if time >= end:
             return "", False
-        own_end = "the operator stopped the drives (STOP)" if self.drives is not None else "the operator ended it"
-        cause = "the console was killed" if self.killed else own_end
+        verb = "ended it" if self.drives is None else "stopped the drives (STOP or Ctrl-C)"
+        cause = "the console was killed" if self.killed else f"the operator {verb}"
         return f"ended early, at {time:g} s: {cause} before the end {what}, {end:g} s.", not executor.catalog.controls
 
     def begin_pace(self) -> None:
