@@ -45,7 +45,7 @@ def status(hardware: Hardware, load: Load | None) -> dict[str, Any]:
     keys, session = hardware.keys, hardware.present
     idle: dict[str, Any] = {
         "file": str(hardware.path), "interface": keys.interface, "channel": keys.channel, "armed": hardware.arm,
-        "simulated": keys.simulated, "software": keys.is_software(), "cycle": keys.cycle / 1e9, "control": "nobody",
+        "simulated": keys.simulated, "software": keys.is_software(), "cycle": keys.cycle / 1e9, "control": "no program",
         "brought_up": False, "stopped": "", "nodes": {}, "modules": {}, "watches": {}, "shadow": {}, "notes": [],
     }  # fmt: skip
     if session is None or session.master is None:

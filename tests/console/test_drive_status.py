@@ -11,7 +11,11 @@ from twin.console import safety
     [
         ({}, "good", "not armed"),
         ({"armed": True}, "warn", "armed: power may be on"),
-        ({"armed": True, "simulated": True}, "good", "simulated drives"),
+        (
+            {"armed": True, "simulated": True},
+            "good",
+            "simulated drives, in simulated time: pause, step and pace apply to them",
+        ),
         ({"stopped": "limit <1>"}, "bad", "stopped: limit &lt;1&gt;"),
     ],
 )

@@ -22,8 +22,11 @@ SIGNAL = SimpleNamespace(name="a.m", start=[[1.0, 2.0], [3.0, 4.0]], factor=1e3,
     [
         ("1.0", None, None, 1.0),
         ("1", 1.0, 1.0, 1.0),
-        ("0.99", 1.0, None, "0.99 is refused: at least 1."),
-        ("1.01", None, 1.0, "1.01 is refused: at most 1."),
+        ("0.99", 1.0, None, "0.99 is refused: at least 1 mm."),
+        ("0.1", 2 / 3, None, "0.1 is refused: at least 0.667 mm."),
+        ("9", -1.0, 5 / 3, "9 is refused: at most 1.66 mm."),  # a number that is accepted
+        ("1e6", None, 123456.0, "1e6 is refused: at most 123456 mm."),
+        ("1.01", None, 1.0, "1.01 is refused: at most 1 mm."),
         ("", None, None, "Expected a number."),
         ("-", None, None, "`-` is not a quantity. Write a number and a unit: 0.2 mm."),
         ("1e999", None, None, "`1e999` is not a finite number."),

@@ -106,8 +106,8 @@ def test_nothing_is_written_into_a_field_with_the_focus(setting):
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("1.9", "1.9 is refused: at least 2."),
-        ("12.1", "12.1 is refused: at most 12."),
+        ("1.9", "1.9 is refused: at least 2 mm."),
+        ("12.1", "12.1 is refused: at most 12 mm."),
         ("", "Expected a number."),
         ("4,5", "4,5: write a decimal point, not a comma."),
         ("ten", "`ten` is not a quantity. Write a number and a unit: 0.2 mm."),

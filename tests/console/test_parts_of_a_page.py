@@ -49,6 +49,7 @@ class Setting:
             "targets": {},
             "warnings": (),
             "fastest_rate": math.inf,
+            "judged_until": 10.0,
             "signals": {},
         }
         self.catalog = SimpleNamespace(**defaults | catalog)
@@ -108,7 +109,7 @@ def test_buttons_of_the_bar(setting, phase, wall_clock, shown):
     [
         ({"a": "slow"}, None, None, ["Rig"]),
         ({"a": "slow", "b": "b"}, None, {"a": "a: slow", "b": "b"}, ["Rig"]),
-        ({"a": "slow", "b": "b"}, Path("bench.yaml"), None, ["Rig", "a"]),
+        ({"a": "slow", "b": "b"}, Path("bench.yaml"), None, ["Rig", "a (set by --variant)"]),
         ({"a": "slow"}, Path("bench.yaml"), None, ["Rig"]),
     ],
 )
@@ -135,6 +136,7 @@ def test_another_variant_ends_a_run_only_after_a_question(setting):
     for answer, calls in (("cancel", []), ("end and load", [("console", "restart", "b")])):
         one.page.change(choice, "b")
         assert (choice.value, one.calls) == ("a", [])
+        assert "End this run and load b? Its results so far are written." in one.page.shown()  # no time: it goes on
         one.page.send([each for each in one.page.elements(ui.button) if each.text == answer][-1], "click")
         assert one.calls == calls
 
@@ -307,8 +309,9 @@ def test_a_session_is_prepared_or_fails(setting):
     assert one.page.shown()[1] == "no compiler."
 
 
-def test_requirements_are_judged_once_rows_are_there(setting):
+def test_requirements_are_judged_once_rows_are_there(setting, monkeypatch):
     one, judged = setting(), [[]]
+    monkeypatch.setattr(summary, "JUDGE_PERIOD", 0.0)
     verdicts = SimpleNamespace(
         live=one.live,
         rows=lambda *_: judged[0],
@@ -363,9 +366,64 @@ def test_a_metric_is_compared_once_its_window_has_ended_and_the_run_before_stays
     with one.page:
         for is_final in (False, True):
             row = Row("", "mean", "", True, newton, 1.0, is_final=is_final)
-            summary.metric_table([row], RunMetrics("earlier", {"mean": 2.0}, "a, 10:15", "runs/rig/1"))
+            summary.metric_table([row], before := RunMetrics("earlier", {"mean": 2.0}, "a, 10:15", "runs/rig/1"))
+        summary.run_before(before)
     assert ["before" in table.content for table in one.page.elements(ui.html)] == [False, True]
-    assert [link.props["href"] for link in one.page.elements(ui.link)] == ["/signals?before", "/report?before"] * 2
+    links = {link.text: link.props["href"] for link in one.page.elements(ui.link)}
+    assert links == {"report of the run before": "/report?before", "its replay": "/signals?before"}
+
+
+def test_the_new_run_comes_before_that_before_it_and_the_next_variant_is_offered(setting, tmp_path):
+    one = setting(variants={"a": "slow", "b": "fast", "c": "by hand"})
+    (tmp_path / "report.html").touch()
+    one.state.phase, one.state.folder = "stopped", str(tmp_path)
+    one.console.latest_metrics = RunMetrics("earlier", {"mean": 1.0}, "a, 10:15", "runs/rig/1")
+    with one.page:
+        summary.banner(one.context)
+    one.page.tick()
+    shown = one.page.shown()
+    links = ["report", "replay and signals", "again with b", "report of the run before"]
+    assert [text for text in shown if text in links] == links
+    assert "again with c" not in shown
+    one.page.press("again with b")
+    assert one.calls == [("console", "restart", "b")]
+
+
+def test_a_run_at_other_values_has_the_words_and_the_color_of_its_report(setting):
+    """Passed was green, and two comparisons with the paper were in no count."""
+    one, newton = setting(), SimpleNamespace(unit="N", is_difference=False)
+    one.live.values["changes"][one.state.epoch] = {"controller.setpoint": 3.0}
+    rows = [
+        Row("pass", "near", "3 mm"),
+        Row("not judged", "as the paper", "", is_outside=True),
+        Row("not judged", "error", "", True, newton, 0.0355),
+    ]
+    one.context.verdicts = SimpleNamespace(rows=lambda *_: rows)
+    one.state.phase = "stopped"
+    with one.page:
+        summary.banner(one.context)
+    one.page.tick()
+    text = "1 of 1 requirements met, 2 not judged, 1 of these outside of nominal limits"
+    assert one.page.shown()[:3] == ["Passed", text, "not at the paper's settings"]
+    for label in ("Passed", "not at the paper's settings"):
+        assert "twin-warn" in one.page.named(label).classes
+
+
+def test_the_end_is_judged_together_with_its_card(setting):
+    """A judgment that takes long left the table of an earlier time beside the card."""
+    one, calls = setting(), []
+    catalog = SimpleNamespace(start=0.0, judged_until=10.0, targets={}, controls=())
+    rows = lambda *_: [Row("pass", f"number {calls.append(1) or len(calls)}", "")]  # noqa: E731
+    one.state.phase, one.state.time = "running", 5.0
+    with one.page:
+        summary.judged(one.console, SimpleNamespace(live=one.live, rows=rows, catalog=catalog), ui.label())
+    one.page.tick()
+    one.page.tick()
+    assert len(calls) == 1
+    one.state.phase, one.state.time = "paused", 10.0
+    one.page.tick()
+    one.page.tick()
+    assert len(calls) == 2
 
 
 @pytest.mark.parametrize("part", ["list", "card"])
@@ -411,7 +469,7 @@ def test_slow_judgments_leave_the_server_to_the_joysticks(setting, monkeypatch):
     assert calls == [100.0, 103.0]
 
 
-AGAIN, END = "again: change and compare", "end: replay and report"
+AGAIN, END = "again: change and compare", "End: replay and report"
 
 
 @pytest.mark.parametrize(
@@ -432,7 +490,7 @@ AGAIN, END = "again: change and compare", "end: replay and report"
             ("hand",),
             [
                 "Completed at 10 s.",
-                "replay and signals in the viewer",
+                "replay and signals",
                 "again",
                 "another scenario",
                 "Results: runs/rig/1",
@@ -450,8 +508,8 @@ def test_the_end_of_a_session(setting, changes, controls, shown):
     vars(one.state).update(changes)
     one.page.tick()
     assert (one.page.shown(), row.visible) == (shown, bool(shown))
-    links = {link.text: link.props["href"] for link in one.page.elements(ui.link)}
-    assert links == ({"replay and signals in the viewer": "/signals"} if "folder" in changes else {})
+    links = {each.text: each.props["href"] for each in one.page.elements(ui.button) if "href" in each.props}
+    assert links == ({"replay and signals": "/signals"} if "folder" in changes else {})
     calls = {
         END: ("console", "stop"),
         AGAIN: ("console", "restart", "a") if "phase" in changes else ("console", "reset"),
@@ -538,8 +596,9 @@ def test_the_result_of_a_session_counts_safety(setting, force, bent, goal, verdi
     assert card[2:] == [*filter(None, targets), *rows, *warned]  # what did not happen is no result
 
 
-def test_a_warning_that_was_not_shown_is_no_requirement(setting):
+def test_a_warning_that_was_not_shown_is_no_requirement(setting, monkeypatch):
     """It is listed. A metric of a run that was changed by hand says so in the next run."""
+    monkeypatch.setattr(summary, "JUDGE_PERIOD", 0.0)
     one = setting(warnings=(LOUD,), every=0.5)
     one.catalog.signals = {"wall.force": FORCE}
     one.live.values["read"] = lambda _: SimpleNamespace(
@@ -550,8 +609,13 @@ def test_a_warning_that_was_not_shown_is_no_requirement(setting):
     one.live.values["changes"][one.state.epoch] = {"wall.stiffness": 0.0}
     with one.page:
         summary.judged(one.console, SimpleNamespace(live=one.live, rows=lambda *_: rows, catalog=catalog), ui.label())
+    one.state.time = -1.0
+    one.page.tick()
+    assert one.page.elements(ui.icon)[-1].props["name"] == "schedule"  # no green tick before anything has moved
+    one.state.time = 0.0
     one.page.tick()
     assert {"1 of 1 requirements met, 1 not judged", "No warning: high force"} <= set(one.page.shown())
+    assert one.page.elements(ui.icon)[-1].props["name"] == "check_circle"
     assert one.console.latest_metrics.values == {"mean": 1.0}
     assert one.console.latest_metrics.title.startswith("a, changed by hand, ")
 

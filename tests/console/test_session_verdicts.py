@@ -97,7 +97,7 @@ expect:
         (False, {"here": "pass", "of own": "fail", "unchanged": "fail", "its own": "pass", "at end": ""}),
         (
             True,
-            {"here": "pass", "of own": "fail", "unchanged": "not judged", "its own": "", "at end": ""},
+            {"here": "pass", "of own": "fail", "unchanged": "not judged", "its own": "not judged", "at end": ""},
         ),  # what was changed is no reproduction
     ],
 )
@@ -126,6 +126,8 @@ def test_what_can_be_judged(tmp_path, by_operator, verdicts):
     assert asked == [(["heart.position"], None, 0.5)]
     own, _ = [row for row in found_rows if row.is_metric]
     assert own.detail == "2 mm; reference 2 mm"
+    assert own.reference == (None if by_operator else 2e-3)  # what is not comparable stands beside no reference
+    assert [row.is_outside for row in found_rows if row.name == "unchanged"] == [by_operator]
     live.read = lambda *_: SimpleNamespace(time=time[:0], values={"heart.position": np.zeros(0)})
     begun = found.rows()  # all are listed from the start, so that the list does not grow under the pointer
     assert [row.name for row in begun] == [row.name for row in found_rows]

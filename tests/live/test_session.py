@@ -275,6 +275,22 @@ def test_what_is_built_before_the_first_step_is_told_once():
     process.session.phase = "running"
     process.progress("c", 0.5)
     assert script.all("progress") == ["building a", "building b"]
+    process.session.phase = "finishing"
+    for part in (1.0, 0.5, 0.5, 0.75):
+        process.progress("writing", part)
+    assert script.all("progress")[2:] == ["writing", "writing, 50%", "writing, 75%"]
+
+
+def test_a_stop_of_drives_is_no_orderly_end():
+    """A log had the same sentence for both."""
+    catalog = SimpleNamespace(judged_until=2.0, controls=())
+    session = SimpleNamespace(
+        _executor=SimpleNamespace(catalog=catalog), session_scenario=None, killed=False, drives=None
+    )
+    session.simulated = SimpleNamespace(finished=False, time=10**9)
+    assert "the operator ended it before the end" in Session.early_end(session)[0]
+    session.drives = "drives"
+    assert "the operator stopped the drives (STOP or Ctrl-C) before the end" in Session.early_end(session)[0]
 
 
 def fake_session(**attributes):

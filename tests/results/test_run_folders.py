@@ -16,6 +16,7 @@ from twin.results.recording import latest_run
 from twin.results.recording.run_folder import (
     RecordedVariable,
     RunInfo,
+    count_not_judged,
     count_verdicts,
     flatten_columns,
     make_run_folder,
@@ -137,6 +138,14 @@ def test_requirements_of_a_summary() -> None:
     expectations = [{"verdict": "pass"}, {"verdict": "skipped"}]
     assert count_verdicts({"metrics": metrics, "expectations": expectations}) == (2, 4)
     assert count_verdicts({"metrics": {}, "expectations": []}) == (0, 0)
+
+
+@pytest.mark.parametrize(("tolerance", "count"), [(0.2, 3), (None, 1)])
+def test_the_papers_values_are_counted_also_at_other_settings(tolerance: float | None, count: int) -> None:
+    """They vanished: 12 requirements were 6 met and 4 not judged after a change."""
+    variants = {name: {"verdict": "other"} for name in ("PI", "FF")}
+    metrics = {"m": {"tolerance": tolerance, "variants": variants}}
+    assert count_not_judged({"metrics": metrics, "expectations": [{"verdict": "skipped"}]}) == (count, 0)
 
 
 def test_values_of_a_summary_are_json() -> None:

@@ -289,9 +289,11 @@ def test_plots_come_before_metrics(limit) -> None:
 def test_panes_hold_what_was_recorded_and_what_failed() -> None:
     evaluation = evaluate({}, [LIMIT], tables())
     violations = find_violations([LIMIT], evaluation, tables())
+    drawn: list[float] = []
     force, loop, nothing = draw_plots(
-        PLOTS, tables(), [EventLine(2.0, "set a.k = 4")], violations, PackedArrays(), "runs/x"
+        PLOTS, tables(), [EventLine(2.0, "set a.k = 4")], violations, PackedArrays(), "runs/x", {}, drawn.append
     )
+    assert drawn == pytest.approx([1 / 2, 2 / 3, 5 / 6])  # the percentage of the bar while a report is written
     ((first, second),) = force.panels
     assert [first["title"], second["title"], first["unit"]] == ["PI, seed 1", "PI+FF, seed 1", "N"]
     assert first["lines"] == [0.2]

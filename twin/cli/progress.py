@@ -28,7 +28,7 @@ class ProgressBar:
         return self
 
     def show(self, text: str, fraction: float) -> None:
-        """Update the bar; after the last case, as while a report is written, it pulses without a percentage."""
+        """Update the bar; at the end of a part, before the next one begins, it pulses without a percentage."""
         if self.bar is not None:
             self.bar.start()
             self.bar.tasks[0].total = 1.0 if fraction < 1.0 else None

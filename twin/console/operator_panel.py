@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -250,10 +251,16 @@ def parse_entry(text: str, symbol: str, low: float | None = None, high: float | 
     except TwinError as error:
         raise RefusedError(str(error).removeprefix("value: ") if plain else "Expected a number.") from None
     if low is not None and value < low:
-        raise RefusedError(f"{plain} is refused: at least {low:g}.")
+        raise RefusedError(f"{plain} is refused: at least {bound_text(low, ROUND_CEILING)} {symbol}".rstrip() + ".")
     if high is not None and value > high:
-        raise RefusedError(f"{plain} is refused: at most {high:g}.")
+        raise RefusedError(f"{plain} is refused: at most {bound_text(high, ROUND_FLOOR)} {symbol}".rstrip() + ".")
     return value
+
+
+def bound_text(bound: float, rounding: str) -> str:
+    """Return a bound; one of more than four digits is rounded to three, to a number that is accepted."""
+    is_short = abs(bound) >= 1000.0 or f"{bound:.4g}" == f"{bound:g}"
+    return f"{bound:g}" if is_short else f"{Context(3, rounding).create_decimal(f'{bound:g}'):f}"
 
 
 def _executed(signal: CatalogSignal, value: float) -> float | int:
@@ -318,13 +325,9 @@ def overrides(context: PageContext, live: LiveSession) -> None:
 def read(text: str) -> Any:
     """Parse a number, true or false; other texts, e.g. with a unit, are returned unchanged."""
     plain = text.strip()
-    words = {"true": True, "false": False}
-    if plain.lower() in words:
-        return words[plain.lower()]
-    try:
+    with suppress(ValueError):
         return float(plain)
-    except ValueError:
-        return plain
+    return {"true": True, "false": False}.get(plain.lower(), plain)
 
 
 def done(context: PageContext, live: LiveSession) -> None:

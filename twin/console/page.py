@@ -280,8 +280,8 @@ def _bar(context: PageContext) -> None:
                 on_change=lambda said: choose_variant(context, variant, said.value),
             )
             variant.props("dense options-dense outlined aria-label='variant'").classes("twin-variant")
-        elif len(catalog.variants) > 1:
-            ui.label(catalog.variant).classes("twin-soft ellipsis")
+        elif len(catalog.variants) > 1:  # a session with drives keeps the variant of the command line
+            ui.label(f"{catalog.variant} (set by --variant)").classes("twin-soft ellipsis")
         steps = ui.row().classes("items-center no-wrap gap-0")
         if not catalog.wall_clock:
             with steps:
@@ -320,7 +320,7 @@ async def choose_variant(context: PageContext, selection: ui.select, variant: st
         await context.run(console.restart, variant)
 
     with context.client, ui.dialog(value=True) as dialog, ui.card():
-        ui.label(f"End this run at {live.state.time:.1f} s and load {variant}? Its results so far are written.")
+        ui.label(f"End this run and load {variant}? Its results so far are written.")  # it goes on meanwhile
         with ui.row():
             ui.button("end and load", on_click=load).props("no-caps unelevated color=primary")
             ui.button("cancel", on_click=dialog.close).props("no-caps outline")

@@ -43,13 +43,13 @@ def heading(status: Mapping[str, Any]) -> str:
     """Return whether drives may move, the control program, and the timing of bus and loop."""
     armed = "armed: power may be on" if status["armed"] else "not armed"
     if status["simulated"]:
-        armed = "simulated drives"
+        armed = "simulated drives, in simulated time: pause, step and pace apply to them"
     kind = "warn" if status["armed"] and not status["simulated"] else "good"
     if status["stopped"] == "stopped":
         armed, kind = "stopped; states as last read", "soft"
     elif status["stopped"]:
         armed, kind = f"stopped: {status['stopped']}", "bad"
-    figures = {"control": status["control"], "bus": f"{status['interface']} {status['channel']}".strip() or "simulated"}
+    figures = {"master": status["control"], "bus": f"{status['interface']} {status['channel']}".strip() or "simulated"}
     if status["brought_up"]:
         figures["bus"] += f", load {100 * status['bus_load']:.1f} %"
         figures["cycle"] = f"{status['cycle'] * 1e3:g} ms, {status['cycles']} done"

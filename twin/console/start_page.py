@@ -136,11 +136,11 @@ def topic_pictures() -> dict[str, str]:
 
 
 def facts(overview: scenario_paths.Overview) -> str:
-    """Return what distinguishes a scenario from others of its topic: how it is operated or what it compares, and how long it lasts."""
+    """Return what distinguishes a scenario from others of its topic: how it is operated or how many variants it has, and how long it lasts."""
     if overview.has_controls:
         return "operate by keys or gamepad, until you end it"
-    compared = f"compares {overview.variants} variants" if overview.variants > 1 else ""
-    return ", ".join(filter(None, (compared, overview.duration.replace(" ", "\N{NO-BREAK SPACE}"))))
+    variants = f"{overview.variants} variants" if overview.variants > 1 else ""
+    return ", ".join(filter(None, (variants, overview.duration.replace(" ", "\N{NO-BREAK SPACE}"))))
 
 
 def _card(context: PageContext, name: str, path: Path, overview: scenario_paths.Overview) -> None:

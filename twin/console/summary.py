@@ -11,6 +11,7 @@ import sys
 import time
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,7 @@ from nicegui import run as nicegui_run
 from nicegui import ui
 
 from twin.console import operator_panel, targets
-from twin.console.verdicts import METRIC, NOT_JUDGED, WAITING, Row, SessionVerdicts, headline, warning_rows
+from twin.console.verdicts import METRIC, NOT_JUDGED, WAITING, Row, SessionVerdicts, headline, is_changed, warning_rows
 from twin.errors import TwinError
 from twin.live import OVER
 from twin.results import common_format, count_not_judged, count_verdicts, requirements_text
@@ -35,10 +36,7 @@ if TYPE_CHECKING:
     from twin.console.session import Host, RunMetrics
     from twin.live import Catalog, LiveSession
 
-JUDGE_PERIOD = 1.0  # [s]
-QUICK = (
-    0.05  # a judgment that takes longer is followed by a pause of ten times its duration [s]: joysticks need the server
-)
+JUDGE_PERIOD = 1.0  # [s]; a pause of ten times the duration of a judgment follows it: joysticks need the server
 PAGE, REPORT = "signals.html", "report.html"
 DIGITS = 4  # of the largest number in a row of metrics
 ROWS_DELAY = 0.1  # after the last step, its row is written [s]
@@ -106,19 +104,22 @@ def panel(context: PageContext, failed: ui.label) -> None:
 def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
     """Create the rows of the list and a timer that judges them; `failed` names requirements that are not met."""
     shown: list[Any] = [None]
-    paused_until = [0.0]
+    paused_until, judged_at_end = [0.0], [False]
     live, before = verdicts.live, console.metrics_before((id(verdicts.live), verdicts.live.state.epoch))
     is_started = live.state.phase in (*OVER, "finishing") or live.state.time > verdicts.catalog.start
     total = ui.label("Judging ..." if is_started else "Run to judge them.").classes("twin-h").mark("headline")
     column = ui.column().classes("full-width gap-1")
 
     async def judge() -> None:
-        begin = time.monotonic()
-        if live.state.epoch == 0 or verdicts.live is not console.live or begin < paused_until[0]:
+        begin, is_at_end = time.monotonic(), console.has_ended
+        is_waiting = begin < paused_until[0] and is_at_end == judged_at_end[0]  # at the end as soon as the card
+        if live.state.epoch == 0 or verdicts.live is not console.live or is_waiting:
             return
+        if is_at_end != judged_at_end[0]:
+            await asyncio.sleep(ROWS_DELAY)
+        judged_at_end[0] = is_at_end
         rows = await nicegui_run.io_bound(verdicts.rows)
-        if (duration := time.monotonic() - begin) > QUICK:
-            paused_until[0] = begin + 11 * duration
+        paused_until[0] = begin + max(JUDGE_PERIOD, 11 * (time.monotonic() - begin))
         is_open = any(row.verdict == WAITING for row in rows or ())
         has_ended = live.state.phase in OVER or (live.state.time >= verdicts.catalog.judged_until and not is_open)
         is_over, is_scored = live.state.phase in OVER, bool(verdicts.catalog.targets)
@@ -128,7 +129,7 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
         warnings = () if is_in_score else await nicegui_run.io_bound(warning_rows, live, end) or ()
         counted = [not_reached(row) if is_over else row for row in rows or ()]
         counted += [targets.target_row(score, verdicts.catalog)] if score is not None else []
-        counted += [named_warning(row) for row in warnings]
+        counted += [named_warning(row, is_over or has_ended) for row in warnings]
         is_shown = verdicts.live is console.live and not total.is_deleted  # else the page was built anew meanwhile
         if (counted, has_ended, is_over) == shown[0] or not rows or not is_shown:
             return
@@ -143,11 +144,12 @@ def judged(console: Host, verdicts: SessionVerdicts, failed: ui.label) -> None:
         column.clear()
         with column:
             metric_table([row for row in counted if row.is_metric], before)
+            run_before(before)
             for row in counted:
                 if not row.is_metric:
                     listed(row, row.detail)
 
-    ui.timer(JUDGE_PERIOD, judge)
+    ui.timer(0.2, judge)
 
 
 def not_reached(row: Row) -> Row:
@@ -162,9 +164,11 @@ def shown_warnings(rows: Iterable[Row]) -> list[Row]:
     return [row for row in rows if row.verdict == "fail"]
 
 
-def named_warning(row: Row) -> Row:
-    """Return the row of a warning with a name that says whether it was shown."""
-    return replace(row, name=f"{'Warning' if row.verdict == 'fail' or row.is_warned else 'No warning'}: {row.name}")
+def named_warning(row: Row, is_final: bool = True) -> Row:
+    """Return the row of a warning with a name that says whether it was shown; not yet passed unless `is_final`."""
+    verdict = WAITING if row.verdict == "pass" and not is_final else row.verdict
+    name = f"{'Warning' if row.verdict == 'fail' or row.is_warned else 'No warning'}: {row.name}"
+    return replace(row, verdict=verdict, name=name)
 
 
 def metric_table(rows: list[Row], before: RunMetrics, instant: str = "now") -> None:
@@ -186,12 +190,16 @@ def metric_table(rows: list[Row], before: RunMetrics, instant: str = "now") -> N
         short = row.name.partition(";")[0].partition(" (")[0] + unit
         lines.append(f"<tr><td title='{html.escape(row.name)}'>{html.escape(short)}</td>{''.join(numbers)}</tr>")
     ui.html(f'<table class="twin-metrics">{"".join(lines)}</table>', sanitize=False).classes("full-width")
-    if 1 in shown or before.folder:
+
+
+def run_before(before: RunMetrics) -> None:
+    """Create the line that names the run before, with links to its results."""
+    if before.title:
         with ui.row().classes("gap-2"):
             ui.label(f"before: {before.title}").classes("twin-soft twin-line")
             if before.folder:
-                ui.link("replay and signals", "/signals?before", new_tab=True)
-                ui.link("report", "/report?before", new_tab=True)
+                ui.link("report of the run before", "/report?before", new_tab=True)
+                ui.link("its replay", "/signals?before", new_tab=True)
 
 
 def metric_texts(row: Row, before: float | None) -> list[str]:
@@ -220,7 +228,7 @@ def listed(row: Row, detail: str) -> None:
 class SessionResult:
     """Result of a session that is over: passed, failed, targets left or ended early; its score in words; requirements (targets first) and metrics; warnings.
 
-    `score` counts requirements where there are no targets. `early`: why it ended before its end, or nothing.
+    `score` counts requirements where there are no targets. `early`: why it ended before its end, or nothing. `badge`: of the report, or nothing.
     """
 
     kind: str = ""
@@ -228,6 +236,7 @@ class SessionResult:
     requirements: tuple[Row, ...] = ()
     warnings: tuple[Row, ...] = ()
     early: str = ""
+    badge: str = ""
 
 
 def read_summary(live: LiveSession) -> dict[str, Any]:
@@ -264,16 +273,20 @@ def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> Sessi
     )
     words = operation.get("targets", {}).get("detail", words)
     words = words or report_words(summary) or headline([*rows, *shown_warnings(warnings)], True)
-    return SessionResult(kind, words, tuple(rows), tuple(warnings), early)
+    is_nominal = live.catalog is None or not is_changed(live, live.catalog.judged_until)
+    badge = "" if summary.get("paper_applies", is_nominal) else "not at the paper's settings"
+    return SessionResult(kind, words, tuple(rows), tuple(warnings), early, badge)
 
 
 def result_card(result: SessionResult, before: RunMetrics, instant: str = "at the end") -> None:
     """Create the card: verdict, score, the most important metrics, requirements that are not met, warnings."""
-    with ui.column().classes("twin-result full-width gap-1").mark("result"):
-        with ui.row().classes("items-center gap-2"):
-            color = {"failed": "twin-bad", "passed": "twin-good"}.get(result.kind, "twin-warn")
-            ui.label((result.kind or NOT_JUDGED).capitalize()).classes(f"twin-state {color}")
+    with ui.element("details").props("open").classes("twin-result").mark("result"):
+        with ui.element("summary"), ui.row().classes("items-center gap-2"):
+            color = {"failed": "twin-bad", "passed": "" if result.badge else "twin-good"}.get(result.kind)
+            ui.label((result.kind or NOT_JUDGED).capitalize()).classes(f"twin-state {color or 'twin-warn'}")
             ui.label(result.score).classes("twin-h")
+            if result.badge:
+                ui.label(result.badge).classes("twin-state twin-warn")
         if result.early:
             ui.label(result.early)
         with ui.element("div").classes("twin-result-rows full-width"):
@@ -317,10 +330,11 @@ def banner(context: PageContext) -> None:
         shown[0] = kind
         over.clear()
         with over:
-            card = ui.element("div").classes("full-width")
+            card = ui.element("div").classes("twin-result-card")
             card.visible = False
-            if kind:
-                fill(context, live, catalog, kind)
+            with ui.element("div").classes("twin-next"):
+                if kind:
+                    fill(context, live, catalog, kind)
         if kind:
             await asyncio.sleep(ROWS_DELAY if kind == "reached" else 0.0)
             result = await nicegui_run.io_bound(session_result, live, context.verdicts)
@@ -357,17 +371,20 @@ def fill(context: PageContext, live: LiveSession, catalog: Catalog, kind: str) -
         made = ui.button(text, on_click=press_once).props(f"dense no-caps {look}")
 
     again = "again" if catalog.controls else "again: change and compare"
-    if kind in ("reached", "targets"):
-        button("end: replay and report", console.stop, is_next=True)
-        button(again, console.reset)
-    elif kind:
-        if state.folder:
-            ui.link("replay and signals in the viewer", "/signals", new_tab=True)
-            if (Path(state.folder) / REPORT).is_file():
-                ui.link("report", "/report", new_tab=True)
-        button(again, console.restart, console.variant)
+    following = dict(pairwise(catalog.variants)) if not catalog.controls and console.hardware is None else {}
+    if kind not in OVER:
+        button("End: replay and report", console.stop, is_next=True)
+    elif state.folder:
+        pages = {"report": "/report"} if (Path(state.folder) / REPORT).is_file() else {}
+        for text, address in (pages | {"replay and signals": "/signals"}).items():
+            ui.button(text).props(f"dense no-caps unelevated color=primary href={address} target=_blank")
+    button(again, *((console.restart, console.variant) if kind in OVER else (console.reset,)))
+    if variant := following.get(catalog.variant):
+        button(f"again with {variant}", console.restart, variant)
+    if kind in OVER:
         if live.changed_values:
             button("again with nominal values", console.restart, console.variant, True)
         button("another scenario", console.leave)
         if state.folder:
             ui.label(f"Results: {state.folder}").classes("twin-soft twin-line")
+    run_before(console.metrics_before((id(live), state.epoch)))

@@ -36,6 +36,7 @@ class Row:
     is_targets: bool = False
     is_final: bool = True  # whether the window of a metric has ended
     is_warned: bool = False  # shown after the last target, when it is not judged
+    is_outside: bool = False  # not judged, but outside of its limits for nominal values
 
 
 class SessionVerdicts:
@@ -93,8 +94,8 @@ class SessionVerdicts:
         units = {name: self.catalog.signals[name].unit for name in self._names}
         tables = {(self.catalog.variant, self.catalog.seed): Signals(samples.time, samples.values, units)}
         end = now if self.live.state.phase in OVER else self.catalog.judged_until
-        changed = any(time < end for time in self.live.changes.get(self.live.state.epoch, {}).values())
-        judged = [each for each in self.expectations if self._begin(each) <= now and not (changed and each.nominal)]
+        changed = is_changed(self.live, end)
+        judged = [each for each in self.expectations if self._begin(each) <= now]
         metrics = {name: each for name, each in self.metrics.items() if begin(each) <= now}
         evaluation = evaluate(metrics, judged, tables, not changed, has_ended=now >= end)
         unfinished = {name for name, each in self.metrics.items() if now < min(end, metric_end(each))}
@@ -103,11 +104,9 @@ class SessionVerdicts:
         rows = []
         for each in self.expectations:
             if (result := results.get(id(each))) is not None:
-                is_open = (
-                    result.verdict == "fail" and each.signal is None and each.metric in unfinished
-                )  # may come right
+                is_open = result.verdict == "fail" and each.signal is None and each.metric in unfinished
                 verdict = WAITING if is_open else NOT_JUDGED if result.verdict == "skipped" else result.verdict
-                rows.append(Row(verdict, result.name, result.detail))
+                rows.append(Row(verdict, result.name, result.detail, is_outside=result.is_outside))
             elif changed and each.nominal:
                 rows.append(Row(NOT_JUDGED, each.name, "values were changed by hand"))
             else:
@@ -117,7 +116,8 @@ class SessionVerdicts:
                 rows.append(metric_row(reached[name], name not in unfinished))
             elif begin(metric) > now:
                 paper = metric.paper.get(self.catalog.variant)
-                verdict = WAITING if paper is not None and metric.tolerance is not None and not changed else METRIC
+                open_verdict = NOT_JUDGED if changed else WAITING
+                verdict = open_verdict if paper is not None and metric.tolerance is not None else METRIC
                 rows.append(Row(verdict, metric_name(metric), f"from {begin(metric):g} s", True, metric, None, paper))
         return rows
 
@@ -126,6 +126,11 @@ class SessionVerdicts:
         if expectation.signal is None and expectation.metric is not None:
             return begin(self.metrics[expectation.metric])
         return begin(expectation)
+
+
+def is_changed(live: LiveSession, end: float = math.inf) -> bool:
+    """Return whether the operator has set a value in this run before `end` [s]."""
+    return any(time < end for time in live.changes.get(live.state.epoch, {}).values())
 
 
 def metric_name(metric: Metric) -> str:
@@ -138,10 +143,12 @@ def metric_row(result: MetricResult, is_final: bool) -> Row:
     metric = result.metric
     reference = "" if result.paper is None else f"; reference {metric.shown(result.paper)}"
     verdict = {"pass": "pass", "fail": "fail" if is_final else WAITING, "none": "fail" if is_final else METRIC}
+    verdict["other"] = METRIC if metric.tolerance is None else NOT_JUDGED
     detail = f"{metric.shown(result.mean, result.scale)}{reference}"
     name = metric_name(metric)
     verdict_now = verdict.get(result.verdict, METRIC)
-    return Row(verdict_now, name, detail, True, metric, result.mean, result.paper, is_final=is_final)
+    paper = None if result.verdict == "other" else result.paper  # at other settings it is not comparable
+    return Row(verdict_now, name, detail, True, metric, result.mean, paper, is_final=is_final)
 
 
 def warning_rows(live: LiveSession, end: float = math.inf) -> list[Row]:
@@ -186,7 +193,7 @@ def headline(rows: list[Row], has_ended: bool) -> str:
         sum(row.verdict == verdict for row in rows) for verdict in ("pass", "fail", WAITING, NOT_JUDGED)
     )
     if has_ended:
-        return requirements_text(met, met + failed, left + still_open)
+        return requirements_text(met, met + failed, left + still_open, sum(row.is_outside for row in rows))
     if not met + failed + still_open:
         return ""
     return f"So far {met} met, {failed} failed{f', {still_open} open' * bool(still_open)}."

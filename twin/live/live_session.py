@@ -116,10 +116,6 @@ class LiveSession:
 
         `record`: patterns in addition to the scenario's; `running`: not paused at the start; `values`: set at the start as by `set`; `hardware`, `arm`: as in `twin run`.
         """
-        if os.name == "nt":
-            raise TwinError(
-                "live sessions pass a socket to another process, which Windows does not support. Use `twin run`."
-            )
         if os.name != "posix":
             raise TwinError(
                 "live sessions need Linux or macOS, where a socket can be passed to a process. Use `twin run`."

@@ -202,7 +202,8 @@ class Session:
             return f"ended at {time:g} s: the console was killed.", False
         if time >= end:
             return "", False
-        cause = "the console was killed" if self.killed else "the operator ended it"
+        verb = "ended it" if self.drives is None else "stopped the drives (STOP or Ctrl-C)"
+        cause = "the console was killed" if self.killed else f"the operator {verb}"
         return f"ended early, at {time:g} s: {cause} before the end {what}, {end:g} s.", not executor.catalog.controls
 
     def begin_pace(self) -> None:

@@ -103,11 +103,12 @@ class SessionProcess:
                 if message.get("number") is not None:
                     self.session.send(answer=message["number"], refused="the simulation has failed. Reset it.")
 
-    def progress(self, name: str, _part: float) -> None:
-        """Send what is done before the first step, each once."""
-        if self.session.phase == "starting" and name != self.said:
-            self.said = name
-            self.session.send(progress=name)
+    def progress(self, name: str, part: float) -> None:
+        """Send what is done before the first step and after the last, each once, with the percentage that is written."""
+        text = f"{name}, {part:.0%}" if self.session.phase == "finishing" and part < 1.0 else name
+        if self.session.phase in ("starting", "finishing") and text != self.said:
+            self.said = text
+            self.session.send(progress=text)
 
 
 def endless(head: str, case: Case, path: Path, criteria: str = "", is_limited: bool = False) -> ScenarioSpec:

@@ -127,6 +127,7 @@ class RunResult:
     terminations: dict[tuple[str, int], HardwareTermination] = field(default_factory=dict)  # of hardware
     folder: Path = Path()
     summary: dict[str, Any] = field(default_factory=dict)
+    report_progress: Callable[[float], object] = noop  # gets the fraction of the report that is written
     columns: list[results.RecordedVariable] = field(default_factory=list)  # of all variants
     refinements: list[StepRefinement] = field(default_factory=list)  # at half the step, if requested
     structures: dict[tuple[str, str], list[str]] = field(default_factory=dict)  # (SVG, remarks) -> variants

@@ -85,6 +85,7 @@ def run_scenario(
     refuse_interval(options.checkpoint_ns, cases)
     result = create_result(scenario, catalogs, options.root)
     result.study_case = options.study_case
+    result.report_progress = partial(callbacks.progress, "writing the report")
     add_notes(result.run, [remark for remark in remarks if remark.startswith(WARNING)])
     channel, journal = channel or SupervisorChannel(), Journal(result.folder)
     try:

@@ -152,5 +152,6 @@ def write_summary_and_report(
             previous_values=result.scenario.previous_values(),
             folder=str(result.folder),
             default_folder=str(default_run(result.folder) or "") if result.run.overrides else "",
+            progress=result.report_progress,
         )
         results.write_text(result.folder / "report.html", text)

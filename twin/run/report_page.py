@@ -28,6 +28,7 @@ from twin.results import (
     trace_to_inputs,
     worst_seeds_first,
 )
+from twin.run.cases import noop
 from twin.run.metric_charts import draw_metric_charts
 from twin.run.report import VERDICTS, has_own_name, is_failure, list_failures, metric_rows
 from twin.run.report_figure import ReportFigure
@@ -38,7 +39,7 @@ from twin.scene import page as scene_page
 from twin.web import PackedArrays, chart_script, embed_json, read_static, report_templates
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from markupsafe import Markup
 
@@ -149,13 +150,14 @@ def report_html(
     previous_values: Sequence[str] = (),
     folder: str = "latest",
     default_folder: str = "",
+    progress: Callable[[float], object] = noop,
 ) -> str:
     """Render report.html. `summary`: from `run_folder.build_summary`; without `plots` every recorded signal is drawn.
 
     `pictures`: finished figures with title, svg and note; `structures`: diagrams as (SVG, remarks) and their variants.
     `refinements`: cells of metrics at half the step. `expectations`: in the order of their results, to mark violations.
     `previous_values`: of the scenario's overrides. `analyses`: a violated metric of theirs is marked in their inputs. `folder`: of the run, for the commands that show its curves. `default_folder`: of a run
-    with the scenario's own parameters; empty if there is none.
+    with the scenario's own parameters; empty if there is none. `progress`: see `draw_plots`.
     """
     violations = find_violations(expectations, evaluation, tables)
     tables = worst_seeds_first(tables, violations)
@@ -167,7 +169,7 @@ def report_html(
         for traced in trace_to_inputs(violation, analyses, tables)
     ]
     curves = draw_plots(
-        plots, tables, [row.annotation for row in events], in_curves, arrays, folder, signal_codes(evaluation)
+        plots, tables, [row.annotation for row in events], in_curves, arrays, folder, signal_codes(evaluation), progress
     )
     first = next((violation for violation in in_curves if not (violation.reduce or violation.span)), None)
     order = [result.name for result in evaluation.expectation_results]

@@ -12,10 +12,11 @@ from urllib.parse import urlencode
 from twin import clock
 from twin.results import Plot, PlotCurve, Window, join_numbers, list_names, plot_annotations, plotting
 from twin.run import report_curves
+from twin.run.cases import noop
 from twin.run.report_figure import ReportFigure
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from twin.results import EventLine, Signals, Violation
     from twin.web import PackedArrays
@@ -34,16 +35,18 @@ def draw_plots(
     arrays: PackedArrays,
     folder: str,
     codes: Mapping[str, Mapping[int, str]] = MappingProxyType({}),
+    progress: Callable[[float], object] = noop,
 ) -> list[ReportFigure]:
     """Draw the plots, those of violations that no other shows first; without plots every recorded signal is drawn.
 
-    `codes`: names of the values of signals, by their texts.
+    `codes`: names of the values of signals, by their texts. `progress`: gets the completed fraction of the report.
     """
     scenario_plots = list(plots) or plotting.default_plots(tables)
     all_plots = [*plots_of_unshown_violations(scenario_plots, tables, violations), *scenario_plots]
     points = report_curves.points_per_curve(all_plots, tables)
     figures = []
     for number, plot in enumerate(all_plots):
+        progress(0.5 + 0.5 * number / len(all_plots))  # scenes are drawn before, in as much time
         shown = [violation for violation in violations if violation.is_shown_in(plot, tables)]
         numbered = events_in_plot(plot, tables, events)
         numbers = [replace(event, name=str(key)) for key, event in numbered.items()]

@@ -31,20 +31,20 @@ def told(rig):
 
 
 @pytest.mark.slow
-def test_control_is_nobodys_then_this_sessions_then_nobodys(rig):
+def test_the_master_is_this_session_from_its_first_step_to_its_end(rig):
     rig.hardware.status()  # asked for before there is a bus
     status, page = told(rig)
-    assert (status["control"], status["brought_up"], status["nodes"]) == ("nobody", False, {})
-    assert "<dt>control</dt><dd>nobody</dd>" in page
+    assert (status["control"], status["brought_up"], status["nodes"]) == ("no program", False, {})
+    assert "<dt>master</dt><dd>no program</dd>" in page
     rig.set(target_velocity=0.05)
     rig.go(100)
     status, page = told(rig)
     assert (status["control"], status["brought_up"], status["stopped"]) == ("this session", True, "")
     assert status["nodes"]["servomotor"]["state"] == "Operation enabled"
-    assert "<dt>control</dt><dd>this session</dd>" in page
+    assert "<dt>master</dt><dd>this session</dd>" in page
     rig.axis.close()
     status, page = told(rig)
-    assert (status["control"], status["stopped"]) == ("nobody", "stopped")
+    assert (status["control"], status["stopped"]) == ("no program", "stopped")
     assert status["nodes"]["servomotor"]["state"] == "Switch on disabled"
 
 
@@ -125,7 +125,7 @@ IDLE = {
     "simulated": False,
     "software": True,
     "cycle": 0.005,
-    "control": "nobody",
+    "control": "no program",
     "brought_up": False,
     "stopped": "",
     "nodes": {},
@@ -182,7 +182,7 @@ def test_the_status_without_and_with_a_session():
     }
     assert status.status(hardware, SimpleNamespace(share=0.25)) == running
     session.closed = True
-    ended = running | {"control": "nobody", "stopped": "stopped", "bus_load": 0.0}
+    ended = running | {"control": "no program", "stopped": "stopped", "bus_load": 0.0}
     assert status.status(hardware, None) == ended
     outcome.stopped = 7, "too hot"
     master.foreign_master.text = "another master"

@@ -37,9 +37,10 @@ export default {
       this.label = state.stop;
       if (this.attends && state.attend && channel.operator && !document.hidden) channel.send({ here: true, tick: state.tick });
       const pace = state.achieved === null || state.achieved === undefined ? "" : `${state.achieved.toFixed(state.achieved < 10 ? 2 : 0)} × real time`;
-      const lag = state.lag > 0.05 ? `, ${state.lag.toFixed(2)} s behind` : "";
-      const phase = { finishing: "Ended. Writing the results ...", stopped: "ended" }[state.phase] || state.phase;
-      this.say(state.phase && state.time !== undefined ? `${phase} · ${state.time.toFixed(state.phase === "running" ? 1 : 3)} s${state.phase === "running" ? ` · ${pace}${lag}` : ""}` : "", state.message || "");
+      const lag = state.lag > 0.05 ? `, ${state.lag.toFixed(2)} s behind the wanted pace` : "";
+      const writing = /^writing /.test(state.message) ? state.message : "";
+      const phase = { finishing: `Ended: ${writing || "writing the results"} ...`, stopped: "ended" }[state.phase] || state.phase;
+      this.say(state.phase && state.time !== undefined ? `${phase} · ${state.time.toFixed(state.phase === "running" ? 1 : 3)} s${state.phase === "running" ? ` · ${pace}${lag}` : ""}` : "", writing ? "" : state.message || "");
     },
     say(how, message) {
       const place = document.getElementById("twin-how"), below = document.getElementById("twin-message");

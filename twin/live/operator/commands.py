@@ -12,7 +12,7 @@ from twin.live.recording_reader import RefusedError
 from twin.scenario import EventSpec, short
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from twin.live.session import Session
 
@@ -180,17 +180,7 @@ def refuse_with_drives(session: Session) -> None:
         )
 
 
-COMMAND_HANDLERS: dict[str, Callable[[Session, Message], object]] = {
-    "resume": resume,
-    "pause": pause,
-    "step": step,
-    "pace": pace,
-    "reset": reset,
-    "stop": stop,
-    "set": set_value,
-    "override": override,
-    "release": release,
-    "trigger": trigger,
-    "hold": hold,
-    "release_hold": release_hold,
-}
+COMMAND_HANDLERS: Mapping[str, Callable[[Session, Message], object]] = {
+    call.__name__: call
+    for call in (resume, pause, step, pace, reset, stop, override, release, trigger, hold, release_hold)
+} | {"set": set_value}

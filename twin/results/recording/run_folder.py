@@ -300,9 +300,11 @@ def count_verdicts(summary: Mapping[str, Any]) -> tuple[int, int]:
 
 
 def count_not_judged(summary: Mapping[str, Any]) -> tuple[int, int]:
-    """Return how many requirements were not judged, and how many of them lie outside of their limits for nominal values."""
+    """Return how many requirements, also of the paper's values, were not judged, and how many are outside of nominal limits."""
     skipped = [result for result in summary["expectations"] if result["verdict"] == "skipped"]
-    return len(skipped), sum(result.get("is_outside", False) for result in skipped)
+    compared = [metric for metric in summary.get("metrics", {}).values() if metric.get("tolerance") is not None]
+    others = sum(result["verdict"] == "other" for metric in compared for result in metric["variants"].values())
+    return len(skipped) + others, sum(result.get("is_outside", False) for result in skipped)
 
 
 def requirements_text(met: int, judged: int, not_judged: int = 0, outside: int = 0) -> str:
