@@ -234,7 +234,17 @@ def test_a_session_that_is_over_says_so_beside_its_controls(tmp_path, build, bro
         page.get_by_text("The session is over: controls have no effect.").wait_for()
         assert page.locator(".twin-control .way").first.is_disabled()
         assert page.text_content("#twin-message") == ""
-        page.locator(".twin-done .twin-line", has_text=re.compile("^End$")).wait_for()
+        page.locator(".twin-done .twin-line", has_text=re.compile("^STOP$")).wait_for()
+        assert not page.locator(".twin-stick").first.is_visible()
+        page.set_viewport_size(
+            {"width": 360, "height": 780}
+        )  # on a telephone the result is first, and nothing covers it
+        page.get_by_role("button", name="again", exact=True).wait_for(timeout=60_000)
+        card, picture = (
+            page.locator(each).first.bounding_box() for each in (".twin-hand > .twin-over", ".twin-picture")
+        )
+        assert 0 < card["y"] < card["y"] + card["height"] <= picture["y"]
+        assert page.evaluate("getComputedStyle(document.querySelector('.twin-picture')).position") == "relative"
         page.get_by_label("one step of 1 ms").wait_for(state="hidden")
 
 

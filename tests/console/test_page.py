@@ -142,11 +142,11 @@ def test_names_in_a_vessel_cover_no_other(page, width, size):
     )
     assert (overlaps, outside) == ([], [])
     assert (part, "arch of the aorta" in drawn) == ((460, False) if size == "17px" else (1000, True))
-    assert (colors, read) == ([True, True], "catheter 50.0 mmguidewire 60.0 mm from the entry")
+    assert (colors, read) == ([True, True], "catheter 50.0 mmguidewire 60.0 mm from the entry in the image")
 
 
 def test_a_scene_has_a_legend_and_a_warning_a_remedy(page):
-    """The key is that of the instrument that moved last, of those that the warning names."""
+    """The advice follows from the state, whichever key is held: of a force from the last motion of both instruments."""
     legend, remedies, said = page.evaluate(
         """async () => {
           const { drawViews } = await import("/web/views.js");
@@ -154,19 +154,30 @@ def test_a_scene_has_a_legend_and_a_warning_a_remedy(page):
           const scene = { walls: [{ closed: true, points: [0, 0, 1, 1], thickness: 1 }], lines: [named("catheter")], points: [], arrows: [named("contact forces")], axes: [0, 1], motions: {} };
           const place = document.createElement("div");
           drawViews(place, [{ view: "scene", title: "", scene, parts: [{ kind: "scene", signals: {}, sizes: {} }] }]);
-          const { remedy } = (await import("/console/picture.js")).default.methods;
+          const { methods } = (await import("/console/picture.js")).default, ways = { c: "back", w: "back" };
           const controls = [{ input: "c", label: "catheter", keys: ["ArrowUp", "ArrowDown"] }, { input: "w", label: "guidewire", keys: ["KeyW", "KeyS"] }];
-          const of = (text, moved) => remedy.call({ controls, moved }, text);
+          const warnings = [{ signal: "f", above: 2, below: -2, text: "force", remedy: ways }, { signal: "x", minus: "y", above: 0, text: "ahead", remedy: { w: "forward", c: "back" } }, { signal: "b", above: 0, text: "plain" }];
+          const of = (values, moved) => { const one = { ...methods, controls, warnings, moved }; one.warn({ values: { f: 0, x: 0, y: 1, b: 0, ...values } }); return one.warning; };
           const { say } = (await import("/console/presence.js")).default.methods, below = document.getElementById("twin-message");
           const told = (hardware, text) => { say.call({ hardware }, null, text); return below.textContent; };
           const late = "hand: at rest. Release and press again.", said = [told(false, late), told(true, late), told(false, "refused")];
           told(false, "");
           return [[...place.querySelectorAll(".twin-readings span")].map((one) => one.textContent),
-                  [of("high force", {}), of("high force", { c: [1, 1], w: [2, 1] }), of("the catheter buckles", { c: [1, 0], w: [2, 1] })], said];
+                  [of({}), of({ b: 1 }), of({ x: 2 }, { c: 1, w: 1 }), of({ x: 2 }, { w: 0 }), of({ f: 3 }, { c: 0, w: 1 }), of({ f: 3 }, { c: 1, w: 1 }), of({ f: -3 }, { c: 0, w: 1 }), of({ f: 3, x: 2 }, { c: 1, w: 1 })], said];
         }"""
     )
     assert legend == ["catheter", "contact forces", "wall"]
-    assert remedies == ["", ": guidewire back with S", ": catheter back with ↑"]
+    ahead = "ahead: guidewire forward with W, or catheter back with ↓"
+    assert remedies == [
+        "",
+        "plain",
+        ahead,
+        ahead,
+        "force: guidewire back with S",
+        "force: catheter back with ↓, or guidewire back with S",
+        "force: catheter forward with ↑",
+        "force: catheter back with ↓ · ahead: catheter back with ↓",  # the guidewire would help one and harm the other
+    ]
     assert said == [
         "",
         "hand: at rest. Release and press again.",

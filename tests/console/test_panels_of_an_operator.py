@@ -431,14 +431,15 @@ def test_the_score_follows_the_signal(setting):
     goal = {"signal": "a.tip[1]", "tolerance": 0.5, "points": {"A": 2.0, "B": 4.0}}
     scene = {"points": [{"signal": "a.tip[1]", "label": "tip"}]}
     one = setting(signal("a.tip", factor=1e3), targets=goal, scenes=[scene])
+    one.catalog.signals["a.tip"].recorded = True
     marked, rows = [], SimpleNamespace(time=np.array([0.0, 1.0, 2.0]), values={"a.tip[1]": [0.0, 1.0, 2.0]})
     with one.page:
         targets.panel(one.context, SimpleNamespace(show_reached=marked.append))
-    wide = "Tip: 0 of 2 targets, next: A; time starts with your first command"
+    wide = "Tip: 0 of 2 targets, next: A; time starts with your first motion"
     assert one.page.shown() == [wide, "0/2 targets, next: A"]
     one.live.values["read"] = lambda names: rows if names == ["a.tip[1]"] else None
     one.page.tick()
-    line = "Tip: 1 of 2 targets, next: B; 2.0 s, path length 2000 mm"
+    line = "Tip: 1 of 2 targets, next: B; 2.0 s since the first motion, path length 2000 mm"
     short = "1/2 targets, next: B; 2 s, 2000 mm"  # of a narrow page
     assert (one.page.shown(), marked) == ([line, short], [["A"]])
 
@@ -456,7 +457,15 @@ def test_the_score_follows_the_signal(setting):
     past = "too far for 1.0 s, largest 2000 mm, limit 1500 mm"  # red is the row of a warning that lasts
     assert one.page.shown() == [line, short, past]
     assert all("twin-bad" not in label.classes for label in one.page.elements(ui.label))
-    marked.pop()
+    rows.time, goal["points"]["B"] = np.array([0.0, 1.0, 2.0, 3.0]), 2.2
+    rows.values |= {"a.tip[1]": [0.0, 2.0, 2.0, 4.0], "a.tip": np.array([[0.0], [0.0], [2.0], [4.0]])}
+    one.page.tick()  # both targets are reached: what follows is shown, and not judged
+    past = "too far never, largest 0 mm, limit 1500 mm, after the last target, not judged: for 2.0 s, largest 4000 mm"
+    line = "Tip: all 2 targets reached in 1.0 s since the first motion, path length 2000 mm; scoring has ended"
+    short = "2/2 targets; scoring has ended; 1 s, 2000 mm"
+    assert one.page.shown() == [line, short, past]
+    marked.clear()
+    marked.append(["A"])
     one.live.values["read"], one.console.live = lambda _: rows, None  # another session has begun
     one.page.tick()
     assert (one.page.shown(), marked) == ([line, short, past], [["A"]])

@@ -549,7 +549,7 @@ def test_values_that_were_set_by_hand_stay_unless_nominal_ones_are_chosen(settin
 
 
 FORCE = SimpleNamespace(factor=1.0, offset=0.0, display_unit="N", recorded=False)
-TIP = SimpleNamespace(factor=1e3, offset=0.0, display_unit="mm")
+TIP = SimpleNamespace(factor=1e3, offset=0.0, display_unit="mm", recorded=True)
 GOALS = {"signal": "tip.x", "tolerance": 1e-3, "points": {"near": [0.01]}}
 LOUD = {"signal": "wall.force", "above": 2.0, "below": -2.0, "text": "high force"}
 BENT = {"signal": "wall.bent", "above": 0, "text": "it buckles"}
@@ -588,8 +588,16 @@ def test_the_result_of_a_session_counts_safety(setting, force, bent, goal, verdi
     card = shown[: shown.index("Ended at 0 s.")]  # first
     count = sum(abs(value) > 2.0 for value in force)
     loud = f"for {0.5 * count:.1f} s; largest {max(map(abs, force)):.4g} N, limit 2 N"
-    state = "All 1 targets reached in 1.0 s, path length 10 mm" if goal == 0.01 else "0 of 1 targets; 1.0 s, "
-    targets = ["All 1 targets reached", "near at 1.0 s"] if goal == 0.01 else ["1 of 1 targets not reached: near", ""]
+    state = (
+        "All 1 targets reached in 1.0 s since the first motion, path length 10 mm"
+        if goal == 0.01
+        else "0 of 1 targets; 1.0 s since"
+    )
+    targets = (
+        ["All 1 targets reached", "near at 1.0 s of the session"]
+        if goal == 0.01
+        else ["1 of 1 targets not reached: near", ""]
+    )
     warned = ["Warning: high force", loud] * bool(count) + ["Warning: it buckles", "for 0.5 s"] * bool(bent)
     assert card[0] == kind
     assert card[1].startswith(state)
@@ -621,7 +629,7 @@ def test_a_warning_that_was_not_shown_is_no_requirement(setting, monkeypatch):
 
 
 def test_warnings_count_until_the_last_target(setting):
-    """Also in the line above the picture; what is shown later is added to the card once the session is over."""
+    """Also in the line above the picture; what is shown later is added live, and to the card once the session is over."""
     one = setting(targets=GOALS, warnings=(LOUD,), every=0.5)
     one.catalog.signals = {"wall.force": FORCE, "tip.x": TIP}
     values = {"wall.force": np.array([0.5, 2.5, -1.0, 4.9, -4.0]), "tip.x": np.array([0.0, 0.005, 0.01, 0.01, 0.01])}
@@ -631,10 +639,11 @@ def test_warnings_count_until_the_last_target(setting):
     detail = "for 0.5 s; largest 2.5 N, limit 2 N"
     end = targets.session_score(one.live).end
     assert end == 1.0
-    assert [row.detail for row in warning_rows(one.live, end)] == [detail]
+    later = "after the last target, not judged: for 1.0 s, largest 4.9 N"
+    assert [row.detail for row in warning_rows(one.live, end)] == [f"{detail}; {later}"]  # of the live line
+    assert [row.detail for row in summary.session_result(one.live, None).warnings] == [detail]  # of a card that stays
     one.state.phase = "stopped"
     (row,) = summary.session_result(one.live, None).warnings
-    later = "after the last target, 1 s, not judged: for 1.0 s, largest 4.9 N"
     assert (row.verdict, row.detail, row.is_warned) == ("fail", f"{detail}; {later}", False)
     values["wall.force"][1] = 1.0  # then it is no failure, and amber on the card
     result = summary.session_result(one.live, None)
@@ -666,9 +675,9 @@ def test_the_last_target_is_announced_and_a_session_that_ended_early_has_not_pas
         rows=lambda *_: [Row("fail", "behind", "-45 mm"), Row("waiting", "late", "")]
     )
     one.page.tick()
-    score = "All 1 targets reached in 1.0 s, path length 10 mm"
+    score = "All 1 targets reached in 1.0 s since the first motion, path length 10 mm"
     assert one.page.shown() == [
-        *("Failed", score, "All 1 targets reached", "near at 1.0 s", "Not met: behind", "-45 mm"),
+        *("Failed", score, "All 1 targets reached", "near at 1.0 s of the session", "Not met: behind", "-45 mm"),
         *(END, AGAIN),
     ]
     for text in (END, AGAIN):
@@ -683,7 +692,7 @@ def test_the_last_target_is_announced_and_a_session_that_ended_early_has_not_pas
     one.page.tick()
     shown = one.page.shown()
     assert "report" in shown
-    assert shown[:5] == ["Ended early", score, reason, "All 1 targets reached", "near at 1.0 s"]
+    assert shown[:5] == ["Ended early", score, reason, "All 1 targets reached", "near at 1.0 s of the session"]
 
 
 def test_the_result_counts_what_the_list_counts(setting):

@@ -15,7 +15,7 @@ from twin.console.targets import short_text
 from twin.console.websocket import plain
 from twin.errors import ScenarioError
 from twin.results import Signals
-from twin.run import Score, first_motion, resolve_catalogs, score
+from twin.run import Score, first_motion, resolve_catalogs, score, tip_signals
 from twin.run import score_text as text
 from twin.scenario import lint, parse_scenario, resolve_targets, resolve_warning
 
@@ -24,23 +24,27 @@ TARGETS = {"signal": "tip.position", "tolerance": 1.0, "points": {"near": [3.0, 
 HEAD = "stop_time: 1 s\nmembers: {heart: {component: heart}, wall: {component: wall}}\nconsole: "
 
 
-def test_score_counts_from_the_first_command():
+def test_score_counts_from_the_first_motion():
     """Also while nothing moves yet; not from the start of the session, and not beyond the last target."""
     time = np.arange(6.0)
     values = np.array([[0, 0], [0, 0], [1, 0], [2.5, 0], [2.5, 0], [2.5, 3.5]], float)
     assert score(time[:5], values[:5], TARGETS, None) == score(time[:1], values[:1], TARGETS, 0.0) == Score({})
     assert score(time[:2], values[:2], TARGETS, 0.5) == Score({}, 0.0, 0.5)
-    assert score(time[:5], values[:5], TARGETS, 0.5) == Score({"near": 2.5}, 2.5, 3.5)
+    assert score(time[:5], values[:5], TARGETS, 0.5) == Score({"near": 3.0}, 2.5, 3.5)
     full = score(time, values, TARGETS, 0.5)
-    assert full == Score({"near": 2.5, "far": 4.5}, 6.0, 4.5, 5.0)
+    assert full == Score({"near": 3.0, "far": 5.0}, 6.0, 4.5, 5.0)
     longer = score(np.arange(8.0), np.vstack([values, [[9, 9], [9, 9]]]), TARGETS, 0.5)
     assert longer == full  # what comes after the last target does not count
-    assert text(full, TARGETS, 1e3, "mm") == "All 2 targets reached in 4.5 s, path length 6000 mm"
-    begin = "time starts with your first command"
+    assert text(full, TARGETS, 1e3, "mm") == (
+        "All 2 targets reached in 4.5 s since the first motion, path length 6000 mm; scoring has ended"
+    )
+    begin = "time starts with your first motion"
     assert text(Score({}), TARGETS, 1e3, "mm") == f"0 of 2 targets, next: near; {begin}"
     rule = TARGETS | {"hint": "wire first (W)"}  # said before it can be broken
     assert text(Score({}), rule, 1e3, "mm") == f"0 of 2 targets, next: near; wire first (W); {begin}"
-    assert "wire first" not in text(full, rule, 1e3, "mm")
+    moves = "0 of 2 targets, next: near; wire first (W); 0.5 s since the first motion, path length 0 mm"
+    assert text(Score({}, 0.0, 0.5), rule, 1e3, "mm") == moves  # another tip may have moved
+    assert "wire first" not in text(Score({"near": 3.0}, 2.5, 3.5), rule, 1e3, "mm")
     assert (
         text(Score({}), TARGETS, 1e3, "mm", "catheter's tip") == f"Catheter's tip: 0 of 2 targets, next: near; {begin}"
     )
@@ -54,7 +58,10 @@ def test_the_path_is_that_of_its_own_signal():
     now = score(time, seen, goals, 0.0, along)
     assert now == Score({"near": 1.0}, 120.0, 3.0)
     assert score(time, seen, goals, 0.0).path < now.path
-    assert text(now, goals, 1.0, "mm", "tip", has_ended=True) == "Tip: 1 of 2 targets; 3.0 s, path length 120 mm"
+    assert (
+        text(now, goals, 1.0, "mm", "tip", has_ended=True)
+        == "Tip: 1 of 2 targets; 3.0 s since the first motion, path length 120 mm"
+    )
 
 
 def test_the_path_in_the_shipped_vessel_is_not_shorter_than_the_net_path():
@@ -77,13 +84,15 @@ def test_a_single_number_is_a_signal_too():
     assert now == Score({"near": 1.0}, 2.0, 1.0, 1.0)
 
 
-def test_the_first_command_moves_an_input_with_a_control():
-    """Neither a changed parameter nor a hold while paused starts the time; without controls it starts with the session."""
+def test_time_starts_when_a_tip_moves():
+    """Of any instrument, but not with a hold that the dead-man switch ends before anything moves."""
     time = np.array([0.25, 0.5, 1.0, 2.0])
-    assert first_motion(time, [(np.zeros(4), 0.0)]) is None
-    assert first_motion(time, [(np.zeros(4), 0.0), (np.array([[0.0], [0.0], [0.04], [0.0]]), 0.0)]) == 1.0
-    assert first_motion(time, [(np.array([True, True, True, False]), 1.0)]) == 2.0
-    assert first_motion(time, []) == 0.25
+    tips = [np.full((4, 2), 3.0), np.array([[5.0, 0.0], [5.0, 0.05], [5.0, 0.5], [5.0, 0.0]])]
+    assert first_motion(time, tips[:1], 1.0) is None
+    assert first_motion(time, tips, 1.0) == 0.5  # the last row before the motion
+    assert first_motion(time, tips, 10.0) is None
+    scenes = [{"points": [{"signal": "tip.position"}, {"signal": "wire.position"}, {"signal": "other.variant"}]}]
+    assert tip_signals(scenes, TARGETS, {"tip.position", "wire.position"}) == ["tip.position", "wire.position"]
 
 
 def test_an_operator_has_to_reach_all_targets_without_a_warning():
@@ -97,14 +106,14 @@ def test_an_operator_has_to_reach_all_targets_without_a_warning():
     (catalog,) = resolve_catalogs(scenario).values()
     time = np.linspace(0.0, 1.0, 5)
     values = {"heart.position": 2e-3 * time, "wall.force": np.array([0.0, 0.0, 0.6, 0.7, 0.0])}
-    operation = operator_result(scenario, scenario.variants[0], catalog, Signals(time, values))
+    operation = operator_result(scenario, catalog, Signals(time, values))
     assert (operation["targets"]["reached"], operation["targets"]["missed"]) == ({"near": 0.5}, ["far"])
     (warning,) = operation["warnings"]
     assert (warning["limit"], warning["maximum"], warning["duration"], warning["unit"]) == (0.5, 0.7, 0.5, "N")
-    score_line = "1 of 2 targets; 1.0 s, path length 2 mm"
+    score_line = "1 of 2 targets; 1.0 s since the first motion, path length 2 mm"
     shown = "for 0.5 s; largest 0.7 N, limit 0.5 N"
     assert [tuple(vars(each).values())[:3] for each in operator_requirements(operation)] == [
-        ("All 2 targets reached", "fail", f"{score_line}; near at 0.5 s"),
+        ("All 2 targets reached", "fail", f"{score_line}; near at 0.5 s of the session"),
         ("No warning: high force", "fail", shown),
     ]
     assert operation_text(operation) == f"{score_line}; high force {shown.replace(';', ',')}"
@@ -124,24 +133,27 @@ def test_a_warning_of_a_difference_and_the_times_of_a_replay():
     values = {name: zero for warning in scenario.console_warnings for name in warning.signals}
     values |= {control.input.partition("[")[0]: np.ones((11, 2)) for control in scenario.console}
     values |= {"fluoroscope.catheter_tip": tip, "fluoroscope.catheter_location": np.where(time > 5.0, 0.1, 0.0)}
-    operation = operator_result(scenario, case, catalog, Signals(time, values))
+    operation = operator_result(scenario, catalog, Signals(time, values))
     assert reached_times(operation)["iliac artery"] == 1.0
     assert max(reached_times(operation).values()) == 4.0
     ahead = next(each for each in operation["warnings"] if "ahead" in each["text"])
     assert ahead["signal"] == "fluoroscope.catheter_location - fluoroscope.wire_location"
     assert (ahead["duration"], ahead["end"]) == (0.0, 4.0)
-    assert ahead["detail"] + ahead["afterwards"] == "never; after the last target, 4 s, not judged: for 5.0 s"
+    assert ahead["detail"] + ahead["afterwards"] == "never; after the last target, not judged: for 5.0 s"
     assert not any("ahead" in each.name for each in operator_requirements(operation))  # shown, but not judged
 
 
 def test_a_narrow_page_has_the_next_target():
     catalog = SimpleNamespace(
-        targets=TARGETS | {"hint": "wire first"},
+        targets=TARGETS | {"hint": "wire first (W)"},
         signals={"tip.position": SimpleNamespace(factor=1e3, display_unit="mm")},
         scenes=(),
     )
-    assert short_text(Score({}), catalog) == "0/2 targets, next: near; wire first"
+    assert short_text(Score({}), catalog) == "0/2 targets, next: near; wire first"  # a telephone has no keys
+    assert short_text(Score({}, 0.0, 1.0), catalog) == "0/2 targets, next: near; wire first; 1 s, 0 mm"
     assert short_text(Score({"near": 2.0}, 0.5, 3.0), catalog) == "1/2 targets, next: far; 3 s, 500 mm"
+    full = Score({"near": 2.0, "far": 3.0}, 0.5, 3.0, 4.0)
+    assert short_text(full, catalog) == "2/2 targets; scoring has ended; 3 s, 500 mm"
 
 
 def test_units():

@@ -312,7 +312,7 @@ def fake_session(**attributes):
         drives=None,
         simulated=SimpleNamespace(time=0),
         executor=SimpleNamespace(
-            catalog=SimpleNamespace(fastest_rate=math.inf),
+            catalog=SimpleNamespace(fastest_rate=math.inf, controls=()),
             add_done=lambda _time, kind, text, *_, **__: calls.append((kind, text)),
         ),
         calls=calls,
@@ -404,10 +404,11 @@ def test_what_commands_do():
     assert (session.ending, session.again, session.running) == (True, True, False)
     for phase, drives, controls, expected in (
         ("running", None, (), [("stop", "End"), "withdraw_message"]),
-        ("running", None, ("a.x",), [("stop", "End"), "withdraw_message"]),
+        ("running", None, ("a.x",), [("stop", "STOP"), "withdraw_message"]),  # as on the button
         ("ended", "drives", (), [("stop", "STOP")]),  # the message says why it has ended
     ):
-        session = fake_session(phase=phase, drives=drives, session_scenario=SimpleNamespace(console=controls))
+        session = fake_session(phase=phase, drives=drives)
+        session.executor.catalog.controls = controls
         commands.execute(session, {"ask": "stop"})
         assert (session.ending, session.again, session.calls) == (True, False, expected)
     rates = {rate: checked_rate(rate) for rate in (0.1, 1, 10.0, math.inf)}

@@ -54,7 +54,7 @@ def convert(value: Any, scale: tuple[float, float]) -> Any:
 class Picture(Element, component="static/picture.js"):
     """The animation on a page, with warnings of the scenario and targets of the operator.
 
-    A warning says which of the `controls` with keys has to move back.
+    A warning says which of the `controls` with keys to move, and which way.
     """
 
     def __init__(

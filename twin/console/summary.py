@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 JUDGE_PERIOD = 1.0  # [s]; a pause of ten times the duration of a judgment follows it: joysticks need the server
 PAGE, REPORT = "signals.html", "report.html"
+WRITING = "The replay is being written. It opens here by itself, after some seconds."
 DIGITS = 4  # of the largest number in a row of metrics
 ROWS_DELAY = 0.1  # after the last step, its row is written [s]
 HEADLINE_METRICS = 3  # of the card at the end
@@ -52,7 +53,7 @@ SYMBOLS = {
 
 def register(app: FastAPI, console: Host) -> None:
     """Serve the latest session in the viewer, as the page that `twin view FOLDER --output` writes."""
-    from starlette.responses import FileResponse, PlainTextResponse
+    from starlette.responses import FileResponse, HTMLResponse, PlainTextResponse
 
     def folder(request: Request) -> str:
         if "before" in request.query_params:
@@ -63,6 +64,8 @@ def register(app: FastAPI, console: Host) -> None:
     async def page(request: Request) -> Response:
         if not (name := folder(request)):
             return PlainTextResponse("The session is not over yet.", 404)
+        if "wait" not in request.query_params and not (Path(name) / PAGE).is_file():
+            return HTMLResponse(f'<meta http-equiv="refresh" content="0; url=?{request.query_params}&wait=1">{WRITING}')
         file, problem = await asyncio.to_thread(view_page, Path(name))
         return PlainTextResponse(problem, 500) if problem else FileResponse(file)
 
@@ -263,7 +266,7 @@ def session_result(live: LiveSession, verdicts: SessionVerdicts | None) -> Sessi
         is_complete, end = len(score.reached) == len(live.catalog.targets["points"]), score.end
     judged = verdicts.rows(math.inf if live.state.phase in OVER else end) if verdicts is not None else []
     rows += judged
-    warnings = warning_rows(live, end)
+    warnings = warning_rows(live, end, live.state.phase in OVER)  # the card at the last target stays as it is
     summary = read_summary(live)
     early = str(summary["reason"]) if summary.get("status") == "interrupted" else ""
     is_open = bool(early) or any(row.verdict == WAITING and not row.is_metric for row in rows)
@@ -343,7 +346,7 @@ def banner(context: PageContext) -> None:
                 with card:
                     passes = kind not in OVER and result.kind != "failed"
                     before = context.console.metrics_before((id(live), state.epoch))
-                    instant = f"at the last target, {score.end:.0f} s" if kind == "targets" and score else "at the end"
+                    instant = f"at the last target, {score.end:.1f} s" if kind == "targets" and score else "at the end"
                     result_card(replace(result, kind="passed") if passes else result, before, instant)
 
     over.visible = False

@@ -11,7 +11,7 @@ from nicegui import ui
 from twin.console.verdicts import Row, warning_rows
 from twin.errors import TwinError
 from twin.live import OVER
-from twin.run import Score, first_motion, point_label, reached_text, score, score_text
+from twin.run import Score, first_motion, point_label, reached_text, score, score_text, tip_signals
 
 if TYPE_CHECKING:
     from twin.console.animation import Pictures
@@ -24,15 +24,17 @@ PERIOD = 0.5  # of the score [s]
 def session_score(live: LiveSession) -> Score | None:
     """Return the score of a session so far; None without rows."""
     assert live.catalog is not None
-    targets, controls = live.catalog.targets, live.catalog.controls
+    targets = live.catalog.targets
+    recorded = {name for name, signal in live.catalog.signals.items() if signal.recorded}
+    tips = tip_signals(live.catalog.scenes, targets, recorded)
     try:
         path = targets.get("path", targets["signal"])
-        rows = live.read(list(dict.fromkeys([targets["signal"], path, *(control.input for control in controls)])))
+        rows = live.read(list(dict.fromkeys([*tips, path])))
     except TwinError:  # of a folder that is finished there may be no recording
         return None
     if not len(rows.time):
         return None
-    begin = first_motion(rows.time, [(rows.values[control.input], control.rest) for control in controls])
+    begin = first_motion(rows.time, [rows.values[name] for name in tips], targets["tolerance"])
     values, travel = (np.asarray(rows.values[name], np.float64) for name in (targets["signal"], path))
     return score(rows.time, values, targets, begin, travel)
 
@@ -58,9 +60,10 @@ def target_row(now: Score, catalog: Catalog) -> Row:
 def short_text(now: Score, catalog: Catalog) -> str:
     """Return a score of a session for a narrow page."""
     names, length = list(catalog.targets["points"]), session_text(now, catalog, True).rpartition(" path length ")[2]
-    left = next((f", next: {name}" for name in names if name not in now.reached), "")
-    figures = f"{now.duration:.0f} s, {length}" if now.duration else catalog.targets.get("hint", "")
-    return "; ".join(filter(None, [f"{len(now.reached)}/{len(names)} targets{left}", figures]))
+    left = next((f", next: {name}" for name in names if name not in now.reached), "; scoring has ended")
+    hint = "" if now.reached else catalog.targets.get("hint", "").partition(" (")[0]  # a telephone has no keys
+    figures = f"{now.duration:.0f} s, {length}" if now.duration else ""
+    return "; ".join(filter(None, [f"{len(now.reached)}/{len(names)} targets{left}", hint, figures]))
 
 
 def panel(context: PageContext, picture: Pictures) -> None:
@@ -81,8 +84,9 @@ def panel(context: PageContext, picture: Pictures) -> None:
             return
         context.score = now
         rows = await nicegui_run.io_bound(warning_rows, live, now.end) or []
-        warned = [f"{row.name} {row.detail.replace(';', ',')}" for row in rows if row.verdict == "fail"]
-        label.text, past.text = session_text(now, catalog, live.state.phase in OVER), "; ".join(warned)
+        shown = [row for row in rows if row.verdict == "fail" or row.is_warned]
+        label.text = session_text(now, catalog, live.state.phase in OVER)
+        past.text = "; ".join(f"{row.name} {row.detail.replace(';', ',')}" for row in shown)
         short.text = short_text(now, catalog)
         picture.show_reached(list(now.reached))
 

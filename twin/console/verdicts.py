@@ -151,10 +151,10 @@ def metric_row(result: MetricResult, is_final: bool) -> Row:
     return Row(verdict_now, name, detail, True, metric, result.mean, paper, is_final=is_final)
 
 
-def warning_rows(live: LiveSession, end: float = math.inf) -> list[Row]:
+def warning_rows(live: LiveSession, end: float = math.inf, with_later: bool = True) -> list[Row]:
     """Return a row for each warning of the scenario: how long it was shown, and the largest value of its signal.
 
-    Both count until now, or `end` of the score [s]; what was shown later is added once the session is over.
+    Both count until now, or `end` of the score [s]; what was shown later is added unless `with_later` is False.
     """
     catalog = live.catalog
     if catalog is None or not catalog.warnings:
@@ -170,9 +170,9 @@ def warning_rows(live: LiveSession, end: float = math.inf) -> list[Row]:
         result = warning_result(
             samples.time, [samples.values[name] for name in warning_signals(warning)], warning, scale, end
         )
-        detail = result["detail"] + result["afterwards"] * (live.state.phase in OVER)
-        verdict, is_late = "fail" if result["duration"] else "pass", bool(result["afterwards"])
-        rows.append(Row(verdict, warning["text"], detail, is_warned=is_late and verdict == "pass"))
+        verdict, later = "fail" if result["duration"] else "pass", result["afterwards"] * with_later
+        is_late = bool(later) and verdict == "pass"
+        rows.append(Row(verdict, warning["text"], result["detail"] + later, is_warned=is_late))
     return rows
 
 

@@ -25,6 +25,7 @@ from .operator_result import reached_text as reached_text
 from .operator_result import score as score
 from .operator_result import score_text as score_text
 from .operator_result import session_verdict as session_verdict
+from .operator_result import tip_signals as tip_signals
 from .operator_result import warning_result as warning_result
 from .operator_result import warning_signals as warning_signals
 from .options import RunCallbacks as RunCallbacks

@@ -71,7 +71,7 @@ def add_operation(result: RunResult, cases: Sequence[Case]) -> None:
     operation = dict[str, Any]()
     for case in cases:  # a session has one
         if (catalog := result.catalogs.get(case.variant)) is not None:
-            operation = operator_result(result.scenario, case, catalog, result.tables[case.variant, case.seed])
+            operation = operator_result(result.scenario, catalog, result.tables[case.variant, case.seed])
     evaluation = result.evaluation
     requirements = (*evaluation.expectation_results, *operator_requirements(operation))
     result.evaluation = replace(evaluation, expectation_results=requirements)

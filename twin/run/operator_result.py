@@ -16,26 +16,26 @@ from twin.coupling import find
 from twin.errors import CouplingError
 from twin.results import ExpectationResult
 from twin.run.recorded_views import scene_data, targets_and_warnings
-from twin.scenario import controls_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Container, Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from twin.coupling import Catalog, MemberVariable
     from twin.results import Signals
-    from twin.scenario import Case, ScenarioSpec
+    from twin.scenario import ScenarioSpec
 
 NOTICEABLE = 0.01  # share of the time of a run from which a warning is noted
 WARNING = "warning: "  # begins a note
+MOVED = 0.1  # of the tolerance of targets, from which a tip has moved
 
 
 @dataclass(frozen=True)
 class Score:
-    """Targets reached so far with their times, the length of the path, and the time until the last target or until now.
+    """Targets reached so far with their times [s], the length of the path, and the duration until the last target or until now.
 
-    Times count from the first command [s], 0 before it; `path` is in the unit of the signal. `end`: time of the last target [s].
+    The duration counts from the first motion of a tip [s], 0 before it; `path` is in the unit of the signal. `end`: time of the last target [s].
     """
 
     reached: Mapping[str, float]
@@ -63,27 +63,29 @@ def score(
     for name, point in targets["points"].items():
         hits = np.flatnonzero(np.linalg.norm(rows - point, axis=1) <= targets["tolerance"])
         if len(hits):
-            reached[name] = float(time[hits[0]] - begin)
+            reached[name] = float(time[hits[0]])
     is_complete = len(reached) == len(targets["points"])
-    end = max(reached.values()) if is_complete else float(time[-1] - begin)
+    end = max(reached.values()) if is_complete else float(time[-1])
     travel = rows if path is None else path.reshape(len(is_scored), -1)[is_scored]
     return Score(
         dict(sorted(reached.items(), key=lambda entry: entry[1])),
-        float(np.linalg.norm(np.diff(travel[time <= begin + end], axis=0), axis=1).sum()),
-        end,
-        begin + end if is_complete else np.inf,
+        float(np.linalg.norm(np.diff(travel[time <= end], axis=0), axis=1).sum()),
+        end - begin,
+        end if is_complete else np.inf,
     )
 
 
-def first_motion(time: NDArray[np.float64], inputs: Sequence[tuple[NDArray[Any], float]]) -> float | None:
-    """Return the time of the first row in which an input of a control is not at rest [s]; None before it.
+def first_motion(time: NDArray[np.float64], tips: Iterable[NDArray[Any]], tolerance: float) -> float | None:
+    """Return the time of the last row before a tip moves [s]; None before it. `tips`: rows of each; `tolerance`: of targets."""
+    rows = [np.asarray(values, np.float64).reshape(len(time), -1) for values in tips]
+    moved = np.any([np.linalg.norm(each - each[0], axis=1) > MOVED * tolerance for each in rows], axis=0)
+    return float(time[np.argmax(moved) - 1]) if moved.any() else None
 
-    `inputs`: rows and rest value of each control. Without controls: the start.
-    """
-    if not inputs:
-        return float(time[0])
-    moves = np.any([values.reshape(len(time)) != rest for values, rest in inputs], axis=0)
-    return float(time[np.argmax(moves)]) if moves.any() else None
+
+def tip_signals(scenes: Iterable[Mapping[str, Any]], targets: Mapping[str, Any], recorded: Container[str]) -> list[str]:
+    """Return the signals of all tips: the points of scenes that are recorded, and what reaches the targets."""
+    points = [point["signal"] for scene in scenes for point in scene["points"] if point["signal"] in recorded]
+    return list(dict.fromkeys([targets["signal"], *points]))
 
 
 def score_text(
@@ -92,16 +94,16 @@ def score_text(
     """Return a score in words, the length of the path, forth and back, in the display unit. `label`: of what reaches them."""
     names = list(targets["points"])
     left = [name for name in names if name not in now.reached]
-    figures = f"{now.duration:.1f} s, path length {factor * now.path:.0f} {shown_unit}"
+    figures = f"{now.duration:.1f} s since the first motion, path length {factor * now.path:.0f} {shown_unit}"
     owner = f"{label[0].upper()}{label[1:]}: " if label else ""
     if not left:
-        return f"{owner}{'all' if owner else 'All'} {len(names)} targets reached in {figures}"
+        return f"{owner}{'all' if owner else 'All'} {len(names)} targets reached in {figures}{'' if has_ended else '; scoring has ended'}"
     state = f"{owner}{len(now.reached)} of {len(names)} targets"
     if has_ended:
         return f"{state}; {figures}"
     state += f", next: {left[0]}"
-    hint = f"{targets['hint']}; " if targets.get("hint") else ""
-    return f"{state}; {figures if now.duration else f'{hint}time starts with your first command'}"
+    hint = f"{targets['hint']}; " if targets.get("hint") and not now.reached else ""
+    return f"{state}; {hint}{figures if now.duration else 'time starts with your first motion'}"
 
 
 def point_label(scenes: Iterable[Mapping[str, Any]], signal: str) -> str:
@@ -135,10 +137,8 @@ def warning_result(
     limit = factor * warning["above"] + offset
 
     def judged(part: NDArray[np.float64]) -> tuple[float, float, str, str]:
-        duration, peak = (
-            every * int((part > warning["above"]).sum()),
-            factor * float(part.max(initial=-np.inf)) + offset,
-        )
+        duration = every * int((part > warning["above"]).sum())
+        peak = factor * float(part.max(initial=-np.inf)) + offset
         text = f"for {duration:.1f} s" if duration else "never"
         return duration, peak, text, f"largest {peak:.4g} {shown_unit}".rstrip()
 
@@ -155,9 +155,7 @@ def warning_result(
         "detail": f"{text}; {peak_text}{limit_text}" if limit else text,
         "end": float(end) if later else None,
         "afterwards": (
-            f"; after the last target, {end:.0f} s, not judged: {later_text}{f', {later_peak}' * bool(limit)}"
-            if later
-            else ""
+            f"; after the last target, not judged: {later_text}{f', {later_peak}' * bool(limit)}" if later else ""
         ),
     }
 
@@ -183,7 +181,7 @@ def display_conversion(variable: MemberVariable) -> tuple[str, float, float]:
     return variable.unit, 1.0, 0.0
 
 
-def operator_result(scenario: ScenarioSpec, case: Case, catalog: Catalog, signals: Signals) -> dict[str, Any]:
+def operator_result(scenario: ScenarioSpec, catalog: Catalog, signals: Signals) -> dict[str, Any]:
     """Return the score and the warnings of a session from its rows, as plain data; empty without targets and warnings."""
     targets, warnings = targets_and_warnings(scenario, catalog)
     time, result, end = np.asarray(signals.time), dict[str, Any](), np.inf
@@ -192,11 +190,12 @@ def operator_result(scenario: ScenarioSpec, case: Case, catalog: Catalog, signal
     if targets:
         path = targets.get("path", targets["signal"])
         shown_unit, factor, _ = display_conversion(find(path, catalog).variable)
-        controls = controls_of(scenario, case, catalog)
-        begin = first_motion(time, [(recorded_rows(signals, each.spec.input), each.rest) for each in controls])
+        scenes = [scene_data(scene) for scene in scenario.scenes]
+        tips = [recorded_rows(signals, name) for name in tip_signals(scenes, targets, signals.values)]
+        begin = first_motion(time, tips, targets["tolerance"])
         now = score(time, recorded_rows(signals, targets["signal"]), targets, begin, recorded_rows(signals, path))
         end = now.end
-        label = point_label((scene_data(scene) for scene in scenario.scenes), targets["signal"])
+        label = point_label(scenes, targets["signal"])
         result["targets"] = {
             "signal": targets["signal"],
             "reached": dict(now.reached),
@@ -267,11 +266,9 @@ def operator_requirements(operation: Mapping[str, Any]) -> list[ExpectationResul
     results = []
     if targets is not None:
         count = len(targets["reached"]) + len(targets["missed"])
-        name, detail = (
-            f"All {count} targets reached",
-            "; ".join(filter(None, [targets["detail"], reached_text(targets["reached"])])),
-        )
-        results.append(ExpectationResult(name, "fail" if targets["missed"] else "pass", detail))
+        verdict, times = "fail" if targets["missed"] else "pass", reached_text(targets["reached"])
+        detail = "; ".join(filter(None, [targets["detail"], times]))
+        results.append(ExpectationResult(f"All {count} targets reached", verdict, detail))
     results += [
         ExpectationResult(f"No warning: {warning['text']}", "fail", warning["detail"] + warning["afterwards"])
         for warning in operation.get("warnings", ())
@@ -282,7 +279,7 @@ def operator_requirements(operation: Mapping[str, Any]) -> list[ExpectationResul
 
 def reached_text(reached: Mapping[str, float]) -> str:
     """Return the times [s] at which targets were reached, in words."""
-    return ", ".join(f"{name} at {time:.1f} s" for name, time in reached.items())
+    return ", ".join(f"{name} at {time:.1f} s" for name, time in reached.items()) + " of the session" * bool(reached)
 
 
 def operation_text(operation: Mapping[str, Any]) -> str:

@@ -118,7 +118,7 @@ def system_views(system: RecordedSystem, reached: Mapping[str, float] = MappingP
 def reached_times(operation: Mapping[str, Any]) -> dict[str, float]:
     """Return when an operator reached targets, from the start of the session [s]; `operation`: of summary.json."""
     targets = operation.get("targets", {})
-    return {name: targets["begin"] + time for name, time in targets.get("reached", {}).items() if "begin" in targets}
+    return dict(targets.get("reached", {}))
 
 
 def describe_system(

@@ -52,7 +52,7 @@ class HeldControls {
 
 export default {
   template: `<div class="twin-hands">
-    <div class="twin-sticks">
+    <div class="twin-sticks" v-show="!over">
       <div v-for="stick in sticks" :key="stick.key" class="twin-stick" :class="{ off: !operator }">
         <svg viewBox="-60 -60 120 120" :aria-label="stick.label" role="application" @pointerdown="grab($event, stick)" @pointermove="drag($event, stick)"
              @pointerup="release(stick)" @pointercancel="release(stick)" @lostpointercapture="release(stick)">
@@ -63,7 +63,7 @@ export default {
         <div class="twin-soft">{{ stick.label }}</div>
       </div>
     </div>
-    <div v-for="one in controls" :key="one.name" class="twin-control" :title="one.about">
+    <div v-for="one in controls" :key="one.name" v-show="!over" class="twin-control" :title="one.about">
       <button type="button" class="way" :disabled="!operator" v-if="one.kind === 'hold'" :aria-label="one.label + ' back'"
               @pointerdown.prevent="push($event, one, -1)" @pointerup="pull(one)" @pointercancel="pull(one)" @lostpointercapture="pull(one)">−</button>
       <span class="name">{{ one.label }} <kbd v-for="key in one.keys.filter(Boolean).reverse()" :key="key">{{ short(key) }}</kbd></span>
@@ -85,6 +85,7 @@ export default {
         .map((one) => ({ ...one, label: [one.y?.label, one.x?.label].filter(Boolean).join(" · ") }));
     },
   },
+  watch: { over(isOver) { if (isOver) document.querySelector(".twin-desk").scrollIntoView(); } },  // the result is at its top
   mounted() {
     this.hands = new HeldControls(this.controls);
     this.hands.onChange = (name, at) => { this.deflections = { ...this.deflections, [name]: at ?? 0 }; };

@@ -16,7 +16,7 @@ export default {
     hide(moving.length > 0);  // until its values are there: those of the start are no result
     this.onTick = (state) => {
       if (!state.values || document.hidden) return;
-      for (const one of this.controls) if (state.held?.[one.input]) this.moved = { ...this.moved, [one.input]: [state.time, state.held[one.input] > 0 ? 1 : 0] };
+      for (const one of this.controls) if (state.held?.[one.input]) this.moved = { ...this.moved, [one.input]: Number(state.held[one.input] > 0) };
       hide(moving.length && !moving.some((name) => name in state.values));
       move(state.values, this.reached);
       this.warn(state);
@@ -26,18 +26,22 @@ export default {
   },
   unmounted() { channel.listeners.delete(this.onTick); channel.watch(this, []); },
   methods: {
-    // what to do: move back what was moved last, of the instruments that a warning names, or of all
-    remedy(text) {
-      const named = this.controls.filter((one) => text.includes(one.label)), moved = this.moved || {};
-      const last = (named.length ? named : this.controls).filter((one) => one.input in moved).sort((a, b) => moved[b.input][0] - moved[a.input][0])[0];
-      if (!last) return "";
-      const way = moved[last.input][1];
-      return matchMedia("(hover: none)").matches ? `: hold ${last.label} ${"+−"[way]}` : `: ${last.label} back with ${keyText(last.keys[way])}`;
+    // which controls end a warning, by the state: of a force on both those that have last moved against it
+    ways(one, value) {
+      const forward = value < one.below ? "back" : "forward", moved = this.moved || {};
+      const all = Object.entries(one.remedy || {}).map(([input, way]) => ({ ...this.controls.find((each) => each.input === input), way: Number(way === forward) })).filter((each) => each.keys);
+      const causes = all.filter((each) => moved[each.input] === 1 - each.way);
+      return one.below !== undefined && causes.length ? causes : all;
+    },
+    advice(ways) {
+      const text = ({ label, keys, way }) => `${label} ${["back", "forward"][way]} ${matchMedia("(hover: none)").matches ? `(${"−+"[way]})` : `with ${keyText(keys[1 - way])}`}`;
+      return ways.length ? `: ${ways.map(text).join(", or ")}` : "";
     },
     warn(state) {
       const valueOf = (one) => Number(state.values[one.signal]) - (one.minus ? Number(state.values[one.minus]) : 0);
-      const shown = this.warnings.filter((one) => valueOf(one) > one.above || valueOf(one) < one.below);
-      this.warning = ["finishing", "stopped", "failed"].includes(state.phase) ? "" : shown.map((one) => one.text + this.remedy(one.text)).join(" · ");
+      const shown = this.warnings.filter((one) => valueOf(one) > one.above || valueOf(one) < one.below).map((one) => [one.text, this.ways(one, valueOf(one))]);
+      const all = shown.flatMap(([, ways]) => ways), fits = (way) => all.every((other) => other.input !== way.input || other.way === way.way);  // no warning advises what another one advises against
+      this.warning = ["finishing", "stopped", "failed"].includes(state.phase) ? "" : shown.map(([text, ways]) => text + this.advice(ways.some(fits) ? ways.filter(fits) : ways)).join(" · ");
       const now = performance.now();
       if (!this.warning || !channel.operator || state.phase !== "running" || now < (this.felt || 0) + RUMBLE.duration) return;
       this.felt = now;

@@ -7,6 +7,7 @@ import { CSS2DObject, CSS2DRenderer, OrbitControls, THREE } from "nicegui-scene"
 const AXES = { x: new THREE.Vector3(1, 0, 0), y: new THREE.Vector3(0, 1, 0), z: new THREE.Vector3(0, 0, 1) };
 const TURNED = [0.45, 0.35];      // of the first view about the axes up and to the right [rad]: from straight ahead a plane looks flat
 const ROOM = 0.84;                // part of the picture that the scene fills
+const NARROW = 520, PART = 0.46;  // width of a picture [px] below which it shows a part around the foremost tip, as in two dimensions
 const THIN = 1.3, WIDER = 0.3;    // smallest radius of a line [px], and what its width adds [px/mm]: one in another is seen
 const DOT = 5;                    // smallest radius of a point [px]
 const SHAFT = 2, HEAD = [16, 6];  // arrow: radius of its shaft, length and radius of its head [px]
@@ -130,7 +131,17 @@ class Picture {
     });
     if (!this.quarter && this.canvas.clientWidth) this.reset();
     this.shapes();
+    this.follow();
   }
+  // on a telephone, until a person turns the picture
+  follow() {
+    const tip = this.frame.points.filter(Boolean).map((at) => new THREE.Vector3(...at)).sort((a, b) => b.dot(this.right) - a.dot(this.right))[0], seen = tip?.clone().project(this.camera);
+    if (this.isTurned || !this.isNarrow() || !seen || Math.max(Math.abs(seen.x), Math.abs(seen.y)) < 0.5) return;
+    const move = tip.sub(this.controls.target);
+    for (const moved of [this.controls.target, this.camera.position]) moved.add(move);
+    this.controls.update();
+  }
+  isNarrow() { return this.fixed.tube && this.canvas.clientWidth < NARROW; }
 
   place(object, at) {
     object.visible = object.label.visible = Boolean(at);
@@ -179,11 +190,13 @@ class Picture {
     this.camera.updateMatrixWorld();
     const seen = box.clone().applyMatrix4(this.camera.matrixWorldInverse).getSize(new THREE.Vector3());
     const { clientWidth: width, clientHeight: height } = this.canvas;
-    this.camera.zoom = Math.min(size ? height / size : Infinity, ROOM * width / Math.max(seen.x, 1), ROOM * height / Math.max(seen.y, 1));
+    this.camera.zoom = Math.min(size ? height / size : Infinity, ROOM * width / Math.max(seen.x, 1), ROOM * height / Math.max(seen.y, 1)) / (this.isNarrow() ? PART : 1);
     this.isTurned = false;
     this.quarter = height / this.camera.zoom / 4;
     this.camera.updateProjectionMatrix();
     this.controls.update();
+    this.camera.updateMatrixWorld();
+    this.follow();
     this.draw();
   }
   // the direction from which the first view looks: that of four which shows most of the faces of surfaces
@@ -224,17 +237,18 @@ class Picture {
     this.names.render(this.world, this.camera);
     this.onDraw(zoom);
   }
-  // each name on the first side of its point on which it covers no point and no other name
+  // each name on the first side of its point on which it covers no point, no other name, no button, axes or scale; none without its point
   placeNames() {
     const { clientWidth: width, clientHeight: height } = this.canvas, at = new THREE.Vector3();
     const named = [...this.forces, ...this.targets, ...this.points, ...this.surfaces].filter((one) => one.label.visible).map((one) => {
       at.copy(one.label.position).project(this.camera);
       return { element: one.label.element, center: one.label.center, x: ((at.x + 1) * width) / 2, y: ((1 - at.y) * height) / 2 };
     });
-    const taken = named.map(({ x, y }) => [x - DOT, y - DOT, x + DOT, y + DOT]);
+    const taken = [[width - 112, 0, width, 42], [0, height - 92, 92, height], [width - 140, height - 34, width, height], ...named.map(({ x, y }) => [x - DOT, y - DOT, x + DOT, y + DOT])];
     for (const { element, center, x, y } of named) {
       const { offsetWidth: wide, offsetHeight: tall } = element, boxes = SIDES.map(([a, b]) => [x - a * wide, y - b * tall, x + (1 - a) * wide, y + (1 - b) * tall]);
-      const free = boxes.findIndex((box) => box[0] > 0 && box[2] < width && !taken.some((other) => box[0] < other[2] && other[0] < box[2] && box[1] < other[3] && other[1] < box[3]));
+      const free = boxes.findIndex((box) => box[0] > 0 && box[2] < width && box[1] > 0 && box[3] < height && !taken.some((other) => box[0] < other[2] && other[0] < box[2] && box[1] < other[3] && other[1] < box[3]));
+      element.style.visibility = x < 0 || x > width || y < 0 || y > height ? "hidden" : "";
       center.set(...SIDES[Math.max(free, 0)]);
       taken.push(boxes[Math.max(free, 0)]);
     }

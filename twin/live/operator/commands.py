@@ -94,7 +94,7 @@ def reset(session: Session, message: Message) -> None:
 def stop(session: Session, _: Message) -> None:
     """End the session."""
     session.ending = True
-    text = "STOP" if session.drives else "End"
+    text = "STOP" if session.drives or session.executor.catalog.controls else "End"  # as on the button
     session.executor.add_done(session.simulated.time, "stop", text, "", by_operator=False)
     if session.phase != "ended":  # that message says why
         session.withdraw_message()

@@ -133,11 +133,12 @@ def resolve_warning(spec: WarningKeys, catalog: Catalog) -> dict[str, Any]:
         raise CouplingError(
             f"{spec.minus}: is in {variable.unit or '1'}. It is subtracted from a value in {unit or '1'}."
         )
+    for name in spec.remedy:
+        find(name, catalog)
     above = number(spec.above, variable, f"{spec.signal}: above")
-    minus = {"minus": spec.minus} if spec.minus else {}
-    return {"signal": spec.signal, **minus, "above": above, "text": spec.text} | (
-        {"below": -above} if above > 0.0 else {}
-    )
+    more: dict[str, Any] = {key: value for key in ("minus", "remedy") if (value := getattr(spec, key))}
+    more |= {"below": -above} if above > 0.0 else {}
+    return {"signal": spec.signal, "above": above, "text": spec.text, **more}
 
 
 def slider_range(scenario: ScenarioSpec, case: Case, catalog: Catalog, name: str) -> tuple[float, float] | None:

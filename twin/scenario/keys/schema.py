@@ -282,6 +282,7 @@ class WarningKeys(Keys):
     minus: Reference = ""  # what is subtracted
     above: Value
     text: Text
+    remedy: dict[Reference, Literal["forward", "back"]] = {}  # inputs of controls, for a positive value
 
     @property
     def signals(self) -> tuple[str, ...]:

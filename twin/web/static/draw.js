@@ -39,7 +39,7 @@ export function legend(place, items) {
 export function placeText(text, [cx, cy], tall, taken, below = false, [left, right] = [0, 1000]) {
   const { width, height } = text.getBBox(), x = clamp(cx, left + 4 + width / 2, right - 4 - width / 2);
   const over = [0, 1.3, 2.6].map((row) => cy - 12 - row * height), under = [0.8, 2.1, 3.4].map((row) => cy + 12 + row * height);
-  const boxes = (below ? [...under, ...over] : [...over, ...under]).map((y) => ({ y, left: x - width / 2, right: x + width / 2, top: y - 0.8 * height, bottom: y + 0.2 * height }));
+  const boxes = [0, 1, 2].flatMap((k) => (below ? [under[k], over[k]] : [over[k], under[k]])).map((y) => ({ y, left: x - width / 2, right: x + width / 2, top: y - 0.8 * height, bottom: y + 0.2 * height }));
   const inside = boxes.filter((one) => one.top >= 0 && one.bottom <= tall);
   const box = inside.find((one) => !taken.some((two) => one.left < two.right && two.left < one.right && one.top < two.bottom && two.top < one.bottom)) || inside[0] || boxes[0];
   set(text, { x, y: box.y });

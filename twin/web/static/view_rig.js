@@ -79,7 +79,7 @@ export function rig(place, view) {
     set(end, { cx: x, cy: OUT, visibility: out ? "visible" : "hidden" });
     // without a sheath the depth counts from the entry, as the vessel's picture and charts do; else from the start, as charts of the tip do
     const fromEntry = depth !== undefined && whole === 0;
-    say(state, wallPart ? `${moved.length === 1 ? `gripper at ${millimeters(moved[0])} mm, ` : ""}tip at ${millimeters(place)} mm` : `${millimeters(fromEntry ? depth : place)} mm from the ${fromEntry ? "entry" : "start"}`);
+    say(state, wallPart ? `${moved.length === 1 ? `gripper at ${millimeters(moved[0])} mm, ` : ""}tip at ${millimeters(place)} mm` : `${millimeters(fromEntry ? depth : place)} mm from the ${fromEntry ? "entry, true" : "start"}`);
   };
 }
 

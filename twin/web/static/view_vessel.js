@@ -7,7 +7,7 @@ const INSTRUMENTS = ["catheter", "wire"], NAMES = ["catheter", "guidewire"];
 
 export function vessel(place, view) {
   const one = parts(view, "fluoroscope")[0], friction = parts(view, "friction")[0], svg = sheet(place, 1000, 300, "the vessel");
-  const limit = friction && view.limits[friction.signals.wall_force], bar = limit && force(place, [0, limit], 2 * limit, "force on the wall");
+  const limit = friction && view.limits[friction.signals.wall_force], bar = limit && force(place, [0, limit], 3 * limit, "force on the wall");
   const readings = one.signals.catheter_location && legend(place, NAMES.map((name, k) => [`--line-${k}`, name]));
   const outline = make(svg, "polygon", { class: "lumen" });
   const marks = view.targets.map((target) => [target, make(svg, "circle", { class: "target" }), make(svg, "text", { class: "small middle" }, target.name)]);
@@ -65,7 +65,7 @@ export function vessel(place, view) {
     });
     for (const [target, circle] of marks) set(circle, { class: reached.includes(target.name) ? "target reached" : "target" });
     if (bar) bar(Math.abs(of(friction, "wall_force") ?? 0));
-    if (readings) readings.forEach((write, k) => write(`${NAMES[k]} ${millimeters(of(one, `${INSTRUMENTS[k]}_location`) ?? 0)} mm${k ? " from the entry" : ""}`));
+    if (readings) readings.forEach((write, k) => write(`${NAMES[k]} ${millimeters(of(one, `${INSTRUMENTS[k]}_location`) ?? 0)} mm${k ? ` from the entry${part[1] - part[0] < 1000 ? "" : " in the image"}` : ""}`));
   };
 }
 
