@@ -237,7 +237,7 @@ def outcome(**attributes):
         (
             {"passed": False},
             False,
-            "FAIL: 1 of 3 requirements failed, in 1.23 s (12x real time). Results: runs/a/1/summary.json  Look: twin view latest",
+            "FAIL: 1 failed · 2 passed, in 1.23 s (12x real time). Results: runs/a/1/summary.json  Look: twin view latest",
         ),
         (
             {"met": 0, "judged": 0, "factor": 9.94},
@@ -254,9 +254,9 @@ def outcome(**attributes):
             "PASS 2 of 3 in 97.1 s (simulated in 1.23 s, 12x real time; building 51.2 s, results 12 s).",
         ),
         ({"skipped": 11}, True, "PASS 2 of 3, 11 not judged in 1.23 s (12x real time)."),
-        ({"skipped": 1, "passed": False}, True, "FAIL: 1 of 3 requirements failed, 1 not judged, in 1.23 s"),
+        ({"skipped": 1, "passed": False}, True, "FAIL: 1 failed · 2 passed · 1 not judged, in 1.23 s"),
         ({"factor": None}, True, "PASS 2 of 3 in 1.23 s. Report:"),
-        ({"status": "failed"}, True, "FAILED: 1 of 3 requirements failed, in 1.23 s"),
+        ({"status": "failed"}, True, "FAILED: 1 failed · 2 passed, in 1.23 s"),
         ({"status": "interrupted", "met": 3}, True, "INTERRUPTED in 1.23 s"),
         (
             {"status": "interrupted", "met": 3, "took": 0.0, "simulated": 0.0},

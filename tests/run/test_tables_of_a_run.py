@@ -283,11 +283,11 @@ def test_lines_of_failures() -> None:
     evaluation, _ = two_variants()
     assert [(one.name, one.detail, one.more) for one in report.list_failures(evaluation)] == [
         ("small", "mean 60 mN in 0 s to 2 s in FF, expected at most 40 mN.", "Judged: mean."),
-        ("last, FF", "60 mN, the paper: 50 mN ± 10 %.", ""),
+        ("last, FF", "60 mN, expected the paper's 50 mN ± 10 %.", ""),
     ]
     nothing = evaluate({"m": Metric("m", FORCE, "mean", paper={"PI": 1.0, "FF": 1.0})}, [], values_that_are("nan"))
     assert [(one.name, one.detail) for one in report.list_failures(nothing)] == [
-        ("m, PI and FF", "no value, the paper: 1 -.")
+        ("m, PI and FF", "no value, expected the paper's 1 -.")
     ]
     rows = {row["metric"] + row["variant"]: row for row in report.metric_rows(evaluation.metric_results)}
     assert rows["lastFF"] == {

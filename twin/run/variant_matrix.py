@@ -12,7 +12,7 @@ from twin.run.report import metric_definition
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from twin.results import EventLine, Evaluation, Metric, MetricFormat, MetricResult, Plot, Violation
+    from twin.results import Evaluation, EventLine, Metric, MetricFormat, MetricResult, Plot, Violation
 
 FAILED = ("fail", "none")  # verdicts of metrics
 MIN_VARIANTS, MAX_ROWS = 5, 24  # a list of fewer variants, or of no more rows, is readable at a glance
