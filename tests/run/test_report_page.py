@@ -232,7 +232,7 @@ def test_a_changed_run_says_what_fails_and_what_it_was_in_the_default_run(tmp_pa
         "page": "",
     }
     of_study = report_page.report_html(summary | {"study": own}, evaluation, tables())
-    assert re.search(r"With heart.rate 68.17\s/min, friction x 0.5319, &#34;stays", of_study)
+    assert re.search(r"With heart.rate 68.17\s/min, friction x 0.5319, &#34;.* fail; the first: ", of_study)
     assert warning not in rest
     assert "another" in rest
     table = rest[rest.index('<table class="failures') :]

@@ -232,17 +232,11 @@ def show_metrics(comparison: Comparison, everything: bool, signals: Mapping[str,
         key = each.variant, signals.get(each.metric, each.metric)
         sizes[key] = max(sizes.get(key, 0.0), abs(each.first or 0.0))
 
-    def size_of(change: MetricChange) -> float:
-        return sizes[change.variant, signals.get(change.metric, change.metric)]
-
-    def has_ratio(change: MetricChange) -> bool:
-        limit = max(change.spread, NEAR_ZERO * size_of(change))
-        return (change.first or 0.0) > limit and (change.second or 0.0) > 0.0
-
-    def part(change: MetricChange) -> float:
-        if has_ratio(change) or change.change is None:
-            return abs(change.relative or 0.0)
-        return abs(change.change) / max(size_of(change), abs(change.second or 0.0), change.spread)
+    def part(change: MetricChange) -> tuple[float, bool]:  # for sorting, and whether it is shown as a percentage
+        size = sizes[change.variant, signals.get(change.metric, change.metric)]
+        if (change.first or 0.0) > max(change.spread, NEAR_ZERO * size) and (change.second or 0.0) > 0.0:
+            return abs(change.relative or 0.0), True
+        return abs(change.change or 0.0) / max(size, abs(change.second or 0.0), change.spread), False
 
     changes.sort(key=part, reverse=True)
     rows = []
@@ -252,7 +246,7 @@ def show_metrics(comparison: Comparison, everything: bool, signals: Mapping[str,
         texts = ["-" if value is None else shown.text(value * factor + offset) for value in pair]
         difference = replace(shown, is_difference=True).text((change.change or 0.0) * factor)
         signed = "-" if change.change is None else difference if difference.startswith("-") else f"+{difference}"
-        rows.append([change.metric, change.variant, *texts, percent(change.relative) if has_ratio(change) else signed])
+        rows.append([change.metric, change.variant, *texts, percent(change.relative) if part(change)[1] else signed])
     if rows:
         say("Metrics, by relative change; a difference near or below zero:")
     if len(compared := {row[1] for row in rows}) == 1 and "=" in (chosen := next(iter(compared))):

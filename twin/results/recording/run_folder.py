@@ -306,15 +306,11 @@ def count_not_judged(summary: Mapping[str, Any]) -> tuple[int, int]:
 
 
 def requirements_text(met: int, judged: int, not_judged: int = 0, outside: int = 0) -> str:
-    """Return how many requirements are met or failed, as report, notebook and console say it. `outside`: of those not judged."""
+    """Return how many requirements are met or failed, as report, notebook, console and terminal say it: `1 failed · 12 passed · 4 not judged`. `outside`: of those not judged."""
     if met < judged:
-        return failure_text(met, judged, not_judged)
+        passed = [f"{met} passed"] * bool(met)
+        return " · ".join([f"{judged - met} failed", *passed, *not_judged_texts(not_judged, 0)])
     return ", ".join([f"{met} of {judged} requirements met"] * bool(judged) + not_judged_texts(not_judged, outside))
-
-
-def failure_text(met: int, judged: int, not_judged: int) -> str:
-    """Return the counts of a run that fails: `1 failed · 12 passed · 4 not judged`."""
-    return " · ".join([f"{judged - met} failed", *[f"{met} passed"] * bool(met), *not_judged_texts(not_judged, 0)])
 
 
 def not_judged_texts(not_judged: int, outside: int) -> list[str]:
@@ -331,7 +327,7 @@ def describe_outcome(summary: Mapping[str, Any]) -> tuple[str, str]:
     word = verdict if summary["status"] == "completed" else summary["status"].upper()
     not_judged, outside = count_not_judged(summary)
     parts = [f"{met} of {judged}"] * (word == "PASS") + not_judged_texts(not_judged, outside)
-    parts = [failure_text(met, judged, not_judged)] if met < judged and word != "PASS" else parts
+    parts = [requirements_text(met, judged, not_judged)] if met < judged and word != "PASS" else parts
     warnings = sum("warning: " in note for note in summary.get("notes", ()))
     return word, ", ".join(filter(None, [*parts, *[f"{warnings} warning{'s' * (warnings > 1)}"] * bool(warnings)]))
 
