@@ -129,7 +129,7 @@ def simulate_fmu(options: SimulateOptions) -> None:
         with show_elapsed(f"reading {options.input}"):
             inputs = csv_tables.read_inputs(options.input, member) if options.input else None
         with ProgressBar("simulating", delay=1.0) as bar:
-            show = partial(bar.show, bar.title)
+            show = partial(bar.show, bar.title) if bar.bar is not None else None
             outcome = (
                 left(member, planned, link)
                 if link.attempt
