@@ -152,20 +152,20 @@ def show_table(titles: Iterable[str], rows: Iterable[Iterable[str | Text]], left
 
     titles = list(titles)
     table = make_table(*titles, left=left)
-    rows = [[Text(cell) if isinstance(cell, str) else cell for cell in row] for row in rows]
-    others = [max(map(len, cells)) for cells in zip(titles, *rows, strict=True)][1:]
+    cell_rows = [[Text(cell) if isinstance(cell, str) else cell for cell in row] for row in rows]
+    others = [max(map(len, cells)) for cells in zip(titles, *cell_rows, strict=True)][1:]
     room = open_console().width - sum(others) - GAP * len(titles)  # of the first column
-    for row in rows if room > max(others, default=0) else ():
+    for row in cell_rows if room > max(others, default=0) else ():
         row[0] = Text(" ".join(break_name(word, room) for word in row[0].plain.split(" ")), row[0].style)
-    for row in rows:
+    for row in cell_rows:
         table.add_row(*row)
-    for column, cells in zip(table.columns[:left], zip(*rows, strict=True), strict=False):  # names stay whole
+    for column, cells in zip(table.columns[:left], zip(*cell_rows, strict=True), strict=False):  # names stay whole
         column.no_wrap = all(" " not in cell.plain and len(cell) <= MAX_NAME for cell in cells)
     for column in table.columns[len(table.columns) - texts :]:
         column.justify = "left"
     if table.row_count:
         open_console().print(table)
-    return bool(rows)
+    return bool(cell_rows)
 
 
 def break_name(name: str, width: int) -> str:

@@ -234,7 +234,7 @@ def report_html(
             structures=titled_structures(structures[: MAX_STRUCTURES + 1]),
             more_structures=len(structures[MAX_STRUCTURES + 1 :]),
             refinements=refinements,
-            matrix=build_matrix(evaluation, violations, variants, plots, [row.annotation for row in events]),
+            matrix=build_matrix(evaluation, violations, variants, list(plots), [row.annotation for row in events]),
             titles=SECTIONS,
             start=next((violation.start for violation in (first, *in_curves, *violations) if violation), None),
             starts={violation.name: violation.start for violation in reversed([*in_curves, *violations])},

@@ -65,9 +65,9 @@ def remarks_on_cell(result: MetricResult, plots: Iterable[Plot], events: Iterabl
         if clock.seconds(window.start_ns) < event.time < clock.seconds(window.stop_ns)
     ]
     texts = [f"with event{'s' * (len(own) > 1)} {join_numbers(own)}"] * bool(own)
-    for plot in plots if metric.reduce in ("min", "max") and result.mean is not None else ():
+    for plot in plots if metric.reduce in ("min", "max") else ():
         is_own = any(curve.signal.text == metric.signal.text for curve in plot.curves)
-        if is_own and plot.band and not plot.band[0] <= result.mean <= plot.band[1]:
+        if is_own and plot.band and result.mean is not None and not plot.band[0] <= result.mean <= plot.band[1]:
             texts.append(f"outside of {' to '.join(map(plot.shown, plot.band))}, not judged")
             break
     return texts
