@@ -47,6 +47,7 @@ PIVOTS = {  # metrics as columns
     "rig_on_wall": (
         "force_error_std",
         "force_error_max",
+        "travel_force_std",
         "travel_force_least",
         "travel_force_most",
         "hand_overs",

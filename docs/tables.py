@@ -51,7 +51,8 @@ def pivot(summary: Mapping[str, Any], names: tuple[str, ...]) -> str:
     rows = [f"| variant | {' | '.join(one['description'] for one in metrics)} |", "|---" * (len(names) + 1) + "|"]
     for variant in metrics[0]["variants"]:
         values = [
-            f"{span(one['variants'][variant]['values'].values(), '#.3g')} {one['unit']}".rstrip() for one in metrics
+            f"{span(one['variants'][variant]['values'].values(), '#.3g').removesuffix('.')} {one['unit']}".rstrip()
+            for one in metrics
         ]
         rows.append(f"| {variant} | {' | '.join(values)} |")
     return "\n".join(rows)

@@ -222,6 +222,7 @@ def outcome(**attributes):
             simulated_time=values.get("simulated", 9.0),
             reason="",
         ),
+        phases=values.get("phases", {}),
         tables={("A", 0): SimpleNamespace(time=[0.0, 6.7]), ("A", 1): SimpleNamespace(time=[])},
         summary={"status": values["status"], "passed": values["passed"], "expectations": expectations, "metrics": {}},
         passed=values["passed"],
@@ -236,7 +237,7 @@ def outcome(**attributes):
         (
             {"passed": False},
             False,
-            "FAIL: 1 of 3 requirements failed, in 1.23 s (12x real time). Results: runs/a/1/summary.json  Look: twin view latest",
+            "FAIL: 1 failed · 2 passed, in 1.23 s (12x real time). Results: runs/a/1/summary.json  Look: twin view latest",
         ),
         (
             {"met": 0, "judged": 0, "factor": 9.94},
@@ -247,10 +248,15 @@ def outcome(**attributes):
         ({"duration": 6.2}, True, "PASS 2 of 3 in 1.23 s (12x real time)."),
         ({"duration": 97.1}, True, "PASS 2 of 3 in 97.1 s (simulated in 1.23 s, 12x real time)."),
         ({"duration": 97.1, "factor": None}, True, "PASS 2 of 3 in 97.1 s (simulated in 1.23 s)."),
+        (
+            {"duration": 97.1, "phases": {"building": 51.23, "report": 4.0, "results": 12.0}},
+            True,
+            "PASS 2 of 3 in 97.1 s (simulated in 1.23 s, 12x real time; building 51.2 s, results 12 s).",
+        ),
         ({"skipped": 11}, True, "PASS 2 of 3, 11 not judged in 1.23 s (12x real time)."),
-        ({"skipped": 1, "passed": False}, True, "FAIL: 1 of 3 requirements failed, 1 not judged, in 1.23 s"),
+        ({"skipped": 1, "passed": False}, True, "FAIL: 1 failed · 2 passed · 1 not judged, in 1.23 s"),
         ({"factor": None}, True, "PASS 2 of 3 in 1.23 s. Report:"),
-        ({"status": "failed"}, True, "FAILED: 1 of 3 requirements failed, in 1.23 s"),
+        ({"status": "failed"}, True, "FAILED: 1 failed · 2 passed, in 1.23 s"),
         ({"status": "interrupted", "met": 3}, True, "INTERRUPTED in 1.23 s"),
         (
             {"status": "interrupted", "met": 3, "took": 0.0, "simulated": 0.0},
@@ -315,16 +321,17 @@ def test_the_exit_code_of_a_run(capsys, tmp_path, attributes, code):
     assert capsys.readouterr().out == '{"a": 1}'
 
 
-def test_a_line_for_each_case(capsys):
+def test_a_line_for_each_variant(capsys):
     shown = RunProgress("a")
-    shown.cases = ["base, seed 1", "base, seed 2"]
-    for case in ("building x", "base, seed 1", "base, seed 1", "base, seed 2", "writing the report"):
+    shown.cases = ["A, seed 1", "A, seed 2", "B, C, seed 1"]
+    building = ("building x (1 of 2)", "building y (2 of 2)")
+    for case in (*building, "A, seed 1", "A: analysis b", *shown.cases[1:], "writing the report"):
         shown.update(case, 0.5)
     shown.show_line("log: x")
     assert capsys.readouterr().err.splitlines() == [
-        "building x",
-        "running base, seed 1 (case 1 of 2)",
-        "running base, seed 2 (case 2 of 2)",
+        "building x (1 of 2)",
+        "running A (case 1 of 3)",
+        "running B, C (case 3 of 3)",
         "writing the report",
         "log: x",
     ]
@@ -332,6 +339,19 @@ def test_a_line_for_each_case(capsys):
     quiet.update("b", 0.5)
     quiet.show_line("c")
     assert capsys.readouterr().err == ""
+
+
+def test_a_run_continues_after_the_reader_of_its_progress_has_ended(monkeypatch):
+    """Such as `head`: the run ended, and the next one said that it had been killed."""
+
+    def fail(*_):
+        raise BrokenPipeError
+
+    monkeypatch.setattr("twin.cli.run.show_error", fail)
+    shown = RunProgress("a")
+    shown.update("A, seed 1", 0.5)
+    shown.show_line("log: x")
+    assert not shown.enabled
 
 
 def test_the_clock_of_a_bar_runs_on_after_a_case(monkeypatch):

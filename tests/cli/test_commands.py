@@ -43,6 +43,10 @@ def test_a_bar_on_a_terminal(monkeypatch):
         shown.show("writing the report", 1.0)
     assert bar.tasks[0].total is None  # it pulses without a percentage
     calls = calls[:4]
+    with progress.ProgressBar("title", delay=60.0) as shown:
+        shown.show("text", 0.25)  # a short task shows none
+    assert calls[4:] == [("title", 1.0), "stop"]
+    calls = calls[:4]
     with progress.ProgressBar("title", enabled=False) as shown:
         shown.show("text", 0.25)
     monkeypatch.setattr(sys, "stderr", SimpleNamespace(isatty=lambda: False))

@@ -61,9 +61,7 @@ def beats(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow_repetitions
-@pytest.mark.parametrize(
-    ("limit", "verdict"), [("1 mm", "PASS 1 of 1 in"), ("1 m", "FAIL: 1 of 1 requirements failed, in")]
-)
+@pytest.mark.parametrize(("limit", "verdict"), [("1 mm", "PASS 1 of 1 in"), ("1 m", "FAIL: 1 failed, in")])
 def test_a_run_ends_with_verdict_speed_and_where_to_look(beats, limit, verdict):
     last = beats(limit).output.splitlines()[-1]
     pattern = rf"{verdict} \S+ s \(\S+x real time\)\. Results: runs/beats/\S+/summary\.json  Look: twin view latest"

@@ -244,10 +244,12 @@ def test_differing_runs(compared):
             "s01 0.002 N 0 s 2.5 s 0.5",
         ],
     )
-    assert compared(differences(2, seeds=(1, 2)))[1][2:] == [
+    several = differences(2, seeds=(1, 2))
+    assert compared(several)[1][2:4] == ["signal difference at from relative", "s00 0.002 N 0 s 1.25 s 0.5"]
+    assert compared([each for each in several if (each.name, each.seed) != ("s01", 2)])[1][2:] == [
         "signal difference at from relative cases",
-        "s00 0.002 N 0 s 1.25 s 0.5 2",
-        "s01 0.002 N 0 s 2.5 s 0.5 2",
+        "s00 0.002 N 0 s 1.25 s 0.5 all",
+        "s01 0.002 N 0 s 2.5 s 0.5 1",
     ]
     assert compared(differences(1, seeds=(1, 2)), "--all")[1][2:] == [
         "signal difference at from relative case",
@@ -264,15 +266,21 @@ def test_differing_runs(compared):
     assert compared(connected)[1][-1] == "a and 2 equal 0.1 N 1.5 s 1 s 0.5"
 
 
-def test_a_mean_around_zero_is_last_and_has_no_percent(compared, monkeypatch):
-    """Its scale is the largest metric of the same signal."""
+def test_a_mean_around_zero_has_a_difference_instead_of_a_percentage(compared, monkeypatch):
+    """The scale that sorts it is the largest metric of the same signal."""
     metrics = {name: {"signal": "force - setpoint", "variants": {}} for name in ("mean", "most")} | {
-        "rate": {"signal": "rate", "variants": {}}
+        "rate": {"signal": "rate", "variants": {}},
+        "offset": {"signal": "offset", "variants": {}},
     }
     monkeypatch.setitem(SUMMARY, "metrics", metrics)
-    values = {"mean": (8e-5, 1.2e-3), "most": (7e-2, 7.1e-2), "rate": (1.0, 1.5)}
-    lines = compared((), changes=[MetricChange(name, "PI", "1", *pair, 1e-6) for name, pair in values.items()])[1]
-    assert [(line.split()[0], line.split()[-1]) for line in lines[2:5]] == [("rate", "%"), ("most", "%"), ("mean", "-")]
+    values = {"mean": (8e-5, 1.2e-3), "most": (7e-2, 7.1e-2), "rate": (1.0, 1.5), "offset": (-9.0, -7.0)}
+    lines = compared((), changes=[MetricChange(name, "PI", "N", *pair, 1e-6) for name, pair in values.items()])[1]
+    assert [(line.split()[0], *line.split()[-2:]) for line in lines[2:6]] == [
+        ("rate", "+50", "%"),
+        ("offset", "+2", "N"),
+        ("mean", "+0.00112", "N"),
+        ("most", "+1.4", "%"),
+    ]
 
 
 def test_a_setting_changed_in_a_file_is_named(tmp_path, capsys):
@@ -293,6 +301,17 @@ def test_a_setting_changed_in_a_file_is_named(tmp_path, capsys):
     assert [row[0] for row in lines[5:]] == ["heart.amplitude"]
 
 
+def test_an_input_that_only_one_run_sets_has_its_default_in_the_other(tmp_path, capsys):
+    folders = tmp_path / "a", tmp_path / "b"
+    for folder, parameters in zip(folders, ("", ", parameters: {setpoint: 0.3 N}"), strict=True):
+        folder.mkdir()
+        text = f"stop_time: 1 s\nmembers: {{controller: {{component: pi_feedforward_control{parameters}}}}}\n"
+        (folder / "scenario.yaml").write_text(text)
+    summary = {"cases": [{"variant": "base"}]}
+    compare.show_settings(folders, (summary, summary), (), False)
+    assert capsys.readouterr().out.splitlines()[-2].split() == ["controller.setpoint", "0.2", "N", "0.3", "N"]
+
+
 def test_the_answer_of_a_comparison_is_on_top(compared):
     """Changed verdicts, new failures first; then metrics in one unit a quantity, without noise around zero."""
     verdicts = (
@@ -311,7 +330,7 @@ def test_the_answer_of_a_comparison_is_on_top(compared):
     assert lines == [
         "pass -> fail: safe",
         'pass -> skipped: 2 verdicts: "paper\'s rate" and 1 more',
-        "Metrics, by relative change:",
+        "Metrics, by relative change; a difference near or below zero:",
         "metric variant first second change",
         "force PI 10 mN 15 mN +50 %",
         "and 1 more, smaller: use --all",

@@ -15,7 +15,7 @@ import pytest
 from rich.console import Console
 
 from tests.cli.replaced import replace
-from twin.cli import follow, identify, profile, progress, simulate, study, terminal, validate
+from twin.cli import follow, identify, profile, simulate, study, terminal, validate
 from twin.cli import test as conformance_command
 from twin.errors import FMUError, TwinError
 from twin.process import CrashReport
@@ -359,24 +359,6 @@ def test_pass_rates_of_all_cases_are_one_line(capsys):
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines if line[:1].strip() or "contact" in line][-2:] == ["contact", "Pass"]
     assert lines[-1] == "Pass rate 100 %: range; contact (B) (95 % confidence: at least 90 %)"
-
-
-def test_a_delayed_bar_appears_after_a_second(monkeypatch):
-    shown = []
-    bar = SimpleNamespace(
-        add_task=lambda *_, total: shown.append(total),
-        start=lambda: shown.append("start"),
-        stop=lambda: shown.append("stop"),
-        update=lambda _, completed: shown.append(completed),
-    )
-    now = [10.0]
-    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
-    monkeypatch.setattr(progress, "make_bar", lambda: bar)
-    delayed = progress.DelayedBar()
-    for now[0], fraction in ((10.5, 0.1), (11.0, 0.2), (11.1, 0.3)):
-        delayed(fraction)
-    delayed.close()
-    assert shown == [1.0, "start", 0.2, 0.3, "stop"]
 
 
 def test_results_of_one_fmu(capsys):

@@ -152,3 +152,16 @@ def test_a_note_of_the_log_is_wrapped_and_printed_once(monkeypatch, capsys):
     for _ in range(2):
         log.warning("note: mine.yaml:5: no effect in fast")
     assert capsys.readouterr().err == "note: mine.yaml:5: no\n      effect in fast\n"
+
+
+def test_a_long_name_breaks_after_a_point_or_underscore(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "44")
+    name = "catheter.sequencer.instrument_target_velocity"
+    terminal.show_table(["signal", "difference"], [[name, "15.62 mm/s"], ["short", "1 mm/s"]], 1)
+    lines = [line.split("  ")[0].strip() for line in capsys.readouterr().out.splitlines()]
+    assert [line for line in lines if line[:1].isalpha()] == [
+        "signal",
+        "catheter.sequencer.",
+        "instrument_target_velocity",
+        "short",
+    ]

@@ -331,7 +331,7 @@ def test_requirements_are_judged_once_rows_are_there(setting, monkeypatch):
     details = ["before: b, 10:15", "near", "3 mm", "fast", "2 s"]
     assert failed.text == "Not met: fast"
     assert one.console.latest_metrics.values == {mean.name: 1.0}
-    assert one.page.shown() == [failed.text, "1 of 2 requirements failed", *details]
+    assert one.page.shown() == [failed.text, "1 failed · 1 passed", *details]
     (table,) = one.page.elements(ui.html)
     cells = re.findall(r"<t[dh](?: [^>]*)?>([^<]*)", table.content)  # each row in one unit with equal decimals
     assert cells == ["", "now", "before", "reference", "mean [N]", "1.00", "1.25", "2.00"]

@@ -139,9 +139,9 @@ def test_what_can_be_judged(tmp_path, by_operator, verdicts):
     ("counts", "sentence"),
     [
         ((2, 0, 0), "2 of 2 requirements met"),
-        ((2, 1, 0), "1 of 3 requirements failed"),
+        ((2, 1, 0), "1 failed · 2 passed"),
         ((0, 0, 0), ""),
-        ((1, 2, 3), "2 of 3 requirements failed, 3 not judged"),
+        ((1, 2, 3), "2 failed · 1 passed · 3 not judged"),
         ((0, 0, 1), "1 not judged"),
     ],
 )

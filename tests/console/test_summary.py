@@ -80,7 +80,7 @@ def test_a_scenario_pauses_at_its_end_and_the_next_run_is_compared(host):
         ("", "reach"),
         ("", "late"),
     ]
-    assert headline(rows, True) == "1 of 2 requirements failed"
+    assert headline(rows, True) == "1 failed · 1 passed"
     samples = host.live.read(["heart.position"])
     assert list(score(samples.time, samples.values["heart.position"], catalog.targets, 0.0).reached) == ["systole"]
     seen = host.source.read("heart.position", 0.0, 0.5, 4000)[1]
@@ -139,7 +139,7 @@ def test_headlines():
     paper = Row("pass", "c", "3 mN", True)  # a metric with a tolerance is a requirement, as in report and terminal
     assert headline([Row("pass", "a", ""), paper], True) == "2 of 2 requirements met"
     far = Row("fail", "d", "9 mN", True)
-    assert headline([Row("pass", "a", ""), far], True) == "1 of 2 requirements failed"
+    assert headline([Row("pass", "a", ""), far], True) == "1 failed · 1 passed"
 
 
 def test_metrics_of_the_run_before_stand_beside_those_of_this_one():

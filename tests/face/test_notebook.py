@@ -142,7 +142,7 @@ def test_a_card_fits_a_narrow_notebook(browser, tmp_path):  # noqa: F811
 def test_a_run_in_some_lines(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert notebook.run_text(SUMMARY, tmp_path / "runs" / "1").splitlines() == [
-        "Rig: ✗ 2 of 5 requirements failed",
+        "Rig: ✗ 2 failed · 3 passed",
         "It holds.",
         "FAIL safe: 3 < 4",
         "FAIL depth, FF: 0.03 m (paper 0.02, ratio 1.50)",
@@ -173,7 +173,7 @@ def test_links_of_a_run_work_from_a_notebook(tmp_path, monkeypatch):
     [
         ({}, (3, 3), "pass", "✓ 3 of 3 requirements met"),
         ({}, (0, 0), "pass", "✓ completed"),
-        ({"passed": False}, (2, 3), "fail", "✗ 1 of 3 requirements failed"),
+        ({"passed": False}, (2, 3), "fail", "✗ 1 failed · 2 passed"),
         ({"expectations": [{"verdict": "skipped"}]}, (2, 2), "pass", "✓ 2 of 2 requirements met, 1 not judged"),
         (
             {"expectations": [{"verdict": "skipped", "name": "order", "detail": "Not judged: needs PI."}] * 3},

@@ -16,7 +16,6 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.fmi.third_party import FMI2, NATIVE, NATIVE_XML, native_fmu, python_fmu
-from twin.cli.progress import DelayedBar
 from twin.cli.simulate import command, summarize
 from twin.coupling import MemberVariable
 from twin.errors import FMUError, SimulationError, TwinError
@@ -360,16 +359,6 @@ def test_summary(native: Path, capsys: pytest.CaptureFixture[str]) -> None:
     lines = capsys.readouterr().out.splitlines()
     assert lines[1].split() == ["variable", "min", "max", "final", "unit"]
     assert lines[4].split() == ["y[2]", "0", "2", "2", "m"]
-
-
-def test_bar_is_patient() -> None:
-    bar = DelayedBar()
-    bar(0.5)
-    assert bar.progress is None
-    bar.start -= 2.0
-    bar(0.5)
-    assert bar.progress is not None
-    bar.close()
 
 
 @given(st.integers(1, 10**13))

@@ -130,19 +130,19 @@ def result(variant: str, *values: float | None, unit: str = "N", paper: float | 
     ("first", "second", "options", "verdict", "detail"),
     [
         ((2.0,), (1.0,), {}, "pass", "m: PI 2 N > FF 1 N."),
-        ((1.0,), (1.0,), {}, "fail", "PI 1 N is not above FF 1 N."),
+        ((1.0,), (1.0,), {}, "fail", "1 N in FF, expected below 1 N (PI)."),
         ((1.0,), (2.0,), {"descending": False}, "pass", "m: PI 1 N < FF 2 N."),
-        ((2.0,), (1.0,), {"descending": False}, "fail", "PI 2 N is not below FF 1 N."),
+        ((2.0,), (1.0,), {"descending": False}, "fail", "1 N in FF, expected above 2 N (PI)."),
         ((2.0,), (1.0,), {"margin": 1.0}, "pass", "m: PI 2 N > FF 1 N (required margin: 1 N)."),
-        ((2.0,), (1.0,), {"margin": 1.25}, "fail", "FF 1 N is above 0.75 N (PI 2 N less 1.25 N)."),
+        ((2.0,), (1.0,), {"margin": 1.25}, "fail", "1 N in FF, expected at most 0.75 N (PI 2 N less 1.25 N)."),
         ((2.0,), (1.0,), {"margin_part": 0.5}, "pass", "m: PI 2 N > FF 1 N (required margin: 50 %)."),
-        ((-2.0,), (-3.0,), {"margin_part": 0.75}, "fail", "FF -3 N is above -3.5 N (PI -2 N less 75 %)."),
-        ((None,), (1.0,), {}, "fail", "PI - is not above FF 1 N."),
-        ((2.0,), (None,), {}, "fail", "PI 2 N is not above FF -."),
+        ((-2.0,), (-3.0,), {"margin_part": 0.75}, "fail", "-3 N in FF, expected at most -3.5 N (PI -2 N less 75 %)."),
+        ((None,), (1.0,), {}, "fail", "1 N in FF, expected below - (PI)."),
+        ((2.0,), (None,), {}, "fail", "- in FF, expected below 2 N (PI)."),
         ((2.0, 3.0), (1.0, 2.0), {}, "pass", "m: PI 2.5 N > FF 1.5 N."),
         ((2.0, 3.0), (2.5, 2.0), {}, "pass", "m: PI 2.50 N > FF 2.25 N; not at seed 1."),
         ((2.0, 3.0), (2.0, 2.0), {}, "pass", "m: PI 2.5 N > FF 2.0 N; not at seed 1."),
-        ((2.0, 3.0), (3.0, 4.0), {}, "fail", "PI 2.5 N is not above FF 3.5 N; all seeds."),
+        ((2.0, 3.0), (3.0, 4.0), {}, "fail", "3.5 N in FF, expected below 2.5 N (PI); all seeds."),
     ],
 )
 def test_orders(first: Any, second: Any, options: dict[str, Any], verdict: str, detail: str) -> None:
@@ -202,7 +202,7 @@ def test_a_quantity_has_one_unit_whatever_the_values_are() -> None:
     found = evaluate(metrics, limits, tables).expectation_results
     assert [each.detail for each in found] == [
         "mean 500 mN in 0 s to 1 s in PI, expected at most 400 mN; fails in all variants.",
-        "PI 500 mN is not above FF 500 mN.",
+        "500 mN in FF, expected below 500 mN (PI).",
     ]
 
 

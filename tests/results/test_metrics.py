@@ -243,7 +243,9 @@ def test_all_pairs_out_of_order_are_named() -> None:
     cases = {(name, 1): signals(size) for name, size in (("A", 1.0), ("B", 2.0), ("C", 3.0))}
     order = Expectation("o", metric="m", ordered=("A", "B", "C"), unit="N")
     (found,) = evaluate({"m": Metric("m", expression.parse("a.force"), "max")}, [order], cases).expectation_results
-    assert re.fullmatch(r"A (.*) N is not above B (.*) N, and B \2 N is not above C (.*) N\.", found.detail)
+    assert re.fullmatch(
+        r"(.*) N in B, expected below (.*) N \(A\), and (.*) N in C, expected below \1 N \(B\)\.", found.detail
+    )
 
 
 def test_what_did_not_finish_is_left_out() -> None:
@@ -256,10 +258,10 @@ def test_what_did_not_finish_is_left_out() -> None:
     [
         (Expectation("", metric="m", ordered=("A", "B", "C")), "pass", "m: A 0.03495 N > B 0.01748 N > C 0.00350 N."),
         (Expectation("", metric="m", ordered=("B", "A"), descending=False), "pass", "m: B 0.01748 N < A 0.03495 N."),
-        (Expectation("", metric="m", ordered=("B", "A")), "fail", "B 0.01748 N is not above A 0.03495 N; all seeds."),
+        (Expectation("", metric="m", ordered=("B", "A")), "fail", "0.03495 N in A, expected below 0.01748 N (B); all seeds."),
         (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.49), "pass", "m: A 0.03495 N > B 0.01748 N (required margin: 49 %)."),
-        (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.51), "fail", "B 0.01748 N is above 0.01713 N (A 0.03495 N less 51 %); all seeds."),
-        (Expectation("", metric="m", ordered=("A", "B"), margin=0.53 * STD), "fail", "B 0.01748 N is above 0.01731 N (A 0.03495 N less 0.01764 N); seed 0."),
+        (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.51), "fail", "0.01748 N in B, expected at most 0.01713 N (A 0.03495 N less 51 %); all seeds."),
+        (Expectation("", metric="m", ordered=("A", "B"), margin=0.53 * STD), "fail", "0.01748 N in B, expected at most 0.01731 N (A 0.03495 N less 0.01764 N); seed 0."),
         (Expectation("", metric="m", ordered=("A", "X")), "skipped", "Not judged: an order needs at least two of A and X; only A has m in this run."),
         (Expectation("", metric="m", at_most=0.035), "fail", f"standard deviation {format_value(1.1 * STD, 'N')} in 0 s to 10 s in A, seed 1."),
         (Expectation("", metric="m", at_most=0.035, variants=("B",)), "pass", f"m was {format_value(0.5 * STD, 'N')} to {format_value(0.55 * STD, 'N')}; expected at most"),

@@ -260,7 +260,7 @@ def test_the_first_screen_answers() -> None:
     html = report_page.report_html(summary, evaluation, tables(), folder="runs/x/2026-01-01_00-00-00")
     head = html[html.index("<header>") : html.index("</header>")]
     for text in (
-        "✗ 2 of 4 requirements failed",
+        "✗ 2 failed · 2 passed",
         "1 of 2 published values within their tolerance; twin / paper: 0.14 to 0.98.",
         "It deviates by 14 mN.",
         "twin view runs/x/2026",

@@ -221,7 +221,7 @@ def test_a_changed_run_says_what_fails_and_what_it_was_in_the_default_run(tmp_pa
         summary, evaluation, tables(), expectations=[order, limit], default_folder=str(tmp_path), previous_values=["2"]
     )
     head, rest = text[text.index("<header>") : text.index("</header>")], text[text.index("</header>") :]
-    assert "With a.k 4 instead of 2, 2 of 2 requirements fail." in head
+    assert "&#34; fail; the first: 0.25\N{NO-BREAK SPACE}N in PI, seed 2 (default run: 0.11" in head
     assert "<b>Changed:</b>" not in head  # said once
     assert f'<p class="warn">{warning}</p>' in head
     own = {
@@ -232,11 +232,11 @@ def test_a_changed_run_says_what_fails_and_what_it_was_in_the_default_run(tmp_pa
         "page": "",
     }
     of_study = report_page.report_html(summary | {"study": own}, evaluation, tables())
-    assert "With heart.rate 68.17 /min, friction x 0.5319, 2 of 2 requirements fail" in of_study
+    assert re.search(r"With heart.rate 68.17\s/min, friction x 0.5319, &#34;.* fail; the first: ", of_study)
     assert warning not in rest
     assert "another" in rest
     table = rest[rest.index('<table class="failures') :]
-    assert re.search(r'<td data-label="default run">PI 20(.0*)? mN; PI\+FF 30(.0*)? mN</td>', table)
+    assert re.search(r'<td data-label="default run">20(.0*)? mN</td>', table)
     row = table[table.index("stays &lt;in&gt; band<") : table.index(">order</a>")]
     assert re.findall(r'<td data-label="(.*?)">(.*?)</td>', row) == [
         ("limit", "0.1 N to 0.24 N"),

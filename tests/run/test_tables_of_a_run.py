@@ -242,6 +242,31 @@ def test_a_code_has_its_name_and_the_worst_seed_is_below_the_mean() -> None:
     assert [cell.notes for cell in row.cells] == [("seeds 8.000 to 8.500",), ("seeds 9.000 to 9.500",)]  # no worst one
 
 
+def test_values_say_that_they_leave_a_band_and_that_their_window_has_a_fault() -> None:
+    time = np.arange(4.0)
+    tables = {(name, 1): Signals(time, {"a.force": 0.09 * (time + 1)}, {"a.force": "N"}) for name in ("PI", "FF")}
+    metrics = {
+        reduce: Metric(reduce, FORCE, reduce, Window(0, 3 * S), unit="N") for reduce in ("min", "max", "mean")
+    } | {"all": Metric("all", FORCE, "mean", unit="N")}
+    plot = Plot("", (PlotCurve(FORCE, ""),), unit="N", band=(0.1, 0.4))
+    events = [
+        EventLine(1.0, "a", ("PI",)),
+        EventLine(2.0, "b", ("PI",)),
+        EventLine(2.0, "c"),
+        EventLine(9.0, "d", ("PI",)),
+    ]
+    rows = build_matrix(evaluate(metrics, [], tables), [], ["PI", "FF"], [plot], events).rows
+    outside = "outside of 0.1 N to 0.4 N, not judged"
+    assert [[cell.notes for cell in row.cells] for row in rows] == [
+        [("with events 1-2", outside), ("with events 1-2",), ("with events 1-2",), ()],
+        [(outside,), (), (), ()],
+    ]
+    limit = Expectation("safe", signal=FORCE, at_least=0.1, unit="N")
+    evaluation = evaluate(metrics, [limit], tables)
+    rows = build_matrix(evaluation, find_violations([limit], evaluation, tables), ["FF"], [plot]).rows
+    assert not rows[0].cells[0].notes  # the requirement fails
+
+
 def test_a_matrix_has_metrics_with_a_reference_before_others() -> None:
     metrics = {name: Metric(name, FORCE, "mean", paper={"PI": 1.0} if name == "b" else {}) for name in "abc"}
     tables = {("PI", 1): Signals(np.arange(2.0), {"a.force": np.ones(2)}, {"a.force": "N"})}
@@ -258,11 +283,11 @@ def test_lines_of_failures() -> None:
     evaluation, _ = two_variants()
     assert [(one.name, one.detail, one.more) for one in report.list_failures(evaluation)] == [
         ("small", "mean 60 mN in 0 s to 2 s in FF, expected at most 40 mN.", "Judged: mean."),
-        ("last, FF", "60 mN, the paper: 50 mN ± 10 %.", ""),
+        ("last, FF", "60 mN, expected the paper's 50 mN ± 10 %.", ""),
     ]
     nothing = evaluate({"m": Metric("m", FORCE, "mean", paper={"PI": 1.0, "FF": 1.0})}, [], values_that_are("nan"))
     assert [(one.name, one.detail) for one in report.list_failures(nothing)] == [
-        ("m, PI and FF", "no value, the paper: 1 -.")
+        ("m, PI and FF", "no value, expected the paper's 1 -.")
     ]
     rows = {row["metric"] + row["variant"]: row for row in report.metric_rows(evaluation.metric_results)}
     assert rows["lastFF"] == {
@@ -391,6 +416,8 @@ def test_events_of_the_variants_of_a_plot() -> None:
     assert report_curves.event_marks(numbered) == [both]
     numbered = report_plots.events_in_plot(Plot("", curves), tables, events)
     assert report_curves.event_marks(numbered) == [both, {"at": 2.0, "text": "3", "variants": ["FF"]}]
+    late = report_plots.events_in_plot(Plot("", curves, window=Window(int(2.5 * S), None)), tables, events)
+    assert list(late) == [3]  # of one variant: it stays so in a plot that begins after it
 
 
 def test_panes_of_a_plot() -> None:

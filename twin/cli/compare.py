@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -168,9 +169,12 @@ def show_settings(
         pairs = variant_pairs(summaries, chosen) if chosen else {name: (name, name) for name in own}
         scenarios = [load_scenario(folder / "scenario.yaml") for folder in folders]
         for name, pair in pairs.items():
-            first, second = map(case_settings, scenarios, pair)
-            for key in dict.fromkeys([*first, *second]):
-                if (values := (first.get(key, "-"), second.get(key, "-")))[0] != values[1]:
+            first, second = (case_settings(*each) for each in zip(scenarios, pair, strict=True))
+            for key in dict.fromkeys([*first[0], *second[0]]):
+                is_same = first[0].get(member := key.partition(".")[0]) == second[0].get(member)  # its component
+                defaults = first[1] | second[1] if is_same else {}  # of an input that only one of the runs sets
+                values = [each[0].get(key) or defaults.get(key) or "-" for each in (first, second)]
+                if values[0] != values[1]:
                     rows.setdefault((key, *values), []).append(name)
     except (OSError, TwinError):  # such as of an FMU that has moved
         return
@@ -223,26 +227,28 @@ def show_metrics(comparison: Comparison, everything: bool, signals: Mapping[str,
         values = [value * factor + offset for each in own for value in (each.first, each.second) if value is not None]
         formats[name] = (common_format(values, larger_unit(values, unit)), factor, offset)
     changes = [each for each in comparison.changes if not is_small(each, comparison.tolerance)]
-    sizes: dict[
-        tuple[str, str | None], float
-    ] = {}  # largest metric of a signal: a mean around zero has no relative change
+    sizes: dict[tuple[str, str], float] = {}  # largest metric of a signal: the scale of a mean around zero
     for each in comparison.changes:
         key = each.variant, signals.get(each.metric, each.metric)
         sizes[key] = max(sizes.get(key, 0.0), abs(each.first or 0.0))
 
-    def has_ratio(change: MetricChange) -> bool:
-        size = max(change.spread, NEAR_ZERO * sizes[change.variant, signals.get(change.metric, change.metric)])
-        return change.relative is not None and abs(change.first or 0.0) > size
+    def part(change: MetricChange) -> tuple[float, bool]:  # for sorting, and whether it is shown as a percentage
+        size = sizes[change.variant, signals.get(change.metric, change.metric)]
+        if (change.first or 0.0) > max(change.spread, NEAR_ZERO * size) and (change.second or 0.0) > 0.0:
+            return abs(change.relative or 0.0), True
+        return abs(change.change or 0.0) / max(size, abs(change.second or 0.0), change.spread), False
 
-    changes.sort(key=lambda each: -abs(each.relative or 0.0) if has_ratio(each) else 1.0)
+    changes.sort(key=part, reverse=True)
     rows = []
     for change in changes if everything else [each for each in changes if each.significance > 1][:MAX_LISTED]:
         shown, factor, offset = formats[change.metric]
         pair = (change.first, change.second)
         texts = ["-" if value is None else shown.text(value * factor + offset) for value in pair]
-        rows.append([change.metric, change.variant, *texts, percent(change.relative) if has_ratio(change) else "-"])
+        difference = replace(shown, is_difference=True).text((change.change or 0.0) * factor)
+        signed = "-" if change.change is None else difference if difference.startswith("-") else f"+{difference}"
+        rows.append([change.metric, change.variant, *texts, percent(change.relative) if part(change)[1] else signed])
     if rows:
-        say("Metrics, by relative change:")
+        say("Metrics, by relative change; a difference near or below zero:")
     if len(compared := {row[1] for row in rows}) == 1 and "=" in (chosen := next(iter(compared))):
         show_table(["metric", *chosen.split("=", 1), "change"], ([row[0], *row[2:]] for row in rows), 1)
     else:
@@ -274,19 +280,21 @@ def show_rest(count: int, limit: int, everything: bool) -> None:
 
 def show_signals(comparison: Comparison, everything: bool) -> None:
     """Print the largest difference of each signal, or with `everything` of each case; equal differences, as of connected signals, once."""
+    total = len({(each.variant, each.seed) for each in comparison.differences})
     by_signal: dict[str, list[Difference]] = {}
     for each in comparison.differing:
         by_signal.setdefault(each.name, []).append(each)
     groups: dict[tuple[Any, ...], list[str]] = {}
     for each in comparison.differing if everything else [cases[0] for cases in by_signal.values()]:
-        cases = f"{each.variant}, seed {each.seed}" if everything else str(len(by_signal[each.name]))
+        count = len(by_signal[each.name])
+        cases = f"{each.variant}, seed {each.seed}" if everything else "all" if count == total else str(count)
         times = (f"{time:.6g} s" for time in (each.peak_time, each.time))
         groups.setdefault((each.text, *times, f"{each.part:.2g}", cases), []).append(each.name)
     rows = [[names[0] + f" and {len(names) - 1} equal" * (len(names) > 1), *texts] for texts, names in groups.items()]
     if not rows:
         return
     show_text(SIGNALS)
-    several = len({(each.variant, each.seed) for each in comparison.differences}) > 1
-    titles = ["signal", "difference", "at", "from", "relative", *["case" if everything else "cases"] * several]
+    has_cases = any(row[-1] != "all" for row in rows) and total > 1
+    titles = ["signal", "difference", "at", "from", "relative", *["case" if everything else "cases"] * has_cases]
     show_table(titles, (row[: len(titles)] for row in rows[: None if everything else MAX_SIGNALS]), 1)
     show_rest(len(rows), MAX_SIGNALS, everything)

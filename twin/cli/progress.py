@@ -11,14 +11,13 @@ from twin.cli.terminal import make_bar
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-BAR_DELAY = 1.0  # a `DelayedBar` appears after this time [s]
-
 
 class ProgressBar:
-    """A bar on stderr where that is a terminal; nothing elsewhere. It appears with the first progress: not before an error."""
+    """A bar on stderr where that is a terminal; nothing elsewhere. It appears with the first progress after `delay` [s]: not before an error."""
 
-    def __init__(self, title: str, *, enabled: bool = True) -> None:
+    def __init__(self, title: str, *, enabled: bool = True, delay: float = 0.0) -> None:
         self.title, self.enabled = title, enabled
+        self.begin = time.monotonic() + delay
         self.bar: Progress | None = None
 
     def __enter__(self) -> Self:
@@ -29,7 +28,7 @@ class ProgressBar:
 
     def show(self, text: str, fraction: float) -> None:
         """Update the bar; at the end of a part, before the next one begins, it pulses without a percentage."""
-        if self.bar is not None:
+        if self.bar is not None and time.monotonic() >= self.begin:
             self.bar.start()
             self.bar.tasks[0].total = 1.0 if fraction < 1.0 else None
             self.bar.update(self.task, description=text, completed=fraction)
@@ -37,27 +36,3 @@ class ProgressBar:
     def __exit__(self, *_: object) -> None:
         if self.bar is not None:
             self.bar.stop()
-
-
-class DelayedBar:
-    """A bar on stdout that appears only when a task takes long."""
-
-    def __init__(self, title: str = "simulating") -> None:
-        self.title = title
-        self.start = time.monotonic()
-        self.progress: Progress | None = None
-
-    def __call__(self, fraction: float) -> None:
-        """Update the bar."""
-        if self.progress is None:
-            if time.monotonic() - self.start < BAR_DELAY:
-                return
-            self.progress = make_bar()
-            self.task = self.progress.add_task(self.title, total=1.0)
-            self.progress.start()
-        self.progress.update(self.task, completed=fraction)
-
-    def close(self) -> None:
-        """Remove the bar."""
-        if self.progress is not None:
-            self.progress.stop()

@@ -295,9 +295,9 @@ def recover_interrupted(runs: Path) -> None:
 
 
 class RunProgress(ProgressBar):
-    """Progress of a run: a bar on a terminal, one line per case elsewhere; both on stderr."""
+    """Progress of a run: a bar on a terminal, one line per variant elsewhere; both on stderr."""
 
-    case = ""
+    last = ""
     cases: Sequence[str] = ()  # names of all cases, where they are listed
 
     def update(self, case: str, fraction: float) -> None:
@@ -308,9 +308,11 @@ class RunProgress(ProgressBar):
             else ""
         )
         self.show(case + count, fraction)
-        if self.bar is None and self.enabled and case != self.case:
-            say(case if case.startswith(("building ", "writing ")) else f"running {case}{count}", err=True)
-        self.case = case
+        is_phase = case.startswith(("building ", "writing "))
+        name = case.split(maxsplit=1)[0] if is_phase else case.partition(": ")[0].partition(", seed ")[0]
+        if self.bar is None and name != self.last:
+            self.show_line(case if is_phase else f"running {name}{count}")
+        self.last = name
 
     def show_line(self, line: str) -> None:
         """Print a line above the bar."""
@@ -318,7 +320,10 @@ class RunProgress(ProgressBar):
             self.bar.console.print(line)
         elif self.enabled:
             label = next(filter(line.startswith, (WARNING, NOTE)), "")
-            show_error(line.removeprefix(label), label)
+            try:
+                show_error(line.removeprefix(label), label)
+            except BrokenPipeError:  # the reader, such as head, has ended: the run and its results are what counts
+                self.enabled = False
 
 
 def show(outcome: RunResult, report: bool, verbose: bool = False, duration: float = 0.0) -> None:
@@ -385,7 +390,9 @@ def show_verdict(outcome: RunResult, report: bool, duration: float = 0.0) -> Non
     took = f"in {max(run.wall_time, 1e-3):.3g} s{speed}" if simulated else "nothing was simulated"
     if simulated and duration > max(LONGER * run.wall_time, run.wall_time + WAIT):
         speed = speed.strip(" ()")
-        took = f"in {duration:.3g} s ({', '.join(filter(None, (f'simulated in {run.wall_time:.3g} s', speed)))})"
+        long = [f"{name} {seconds:.3g} s" for name, seconds in outcome.phases.items() if seconds > 0.1 * duration]
+        parts = ", ".join(filter(None, (f"simulated in {run.wall_time:.3g} s", speed)))
+        took = f"in {duration:.3g} s ({'; '.join(filter(None, (parts, ', '.join(long))))})"
     if simulated and not run.wall_time:  # of a recovered run: its processes were killed before they could tell
         took = f"after {simulated:.3g} s of simulated time"
     text, file = f"{counts}{took}.", "report.html" if report else "summary.json"

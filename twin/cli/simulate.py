@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ import click
 
 from twin import clock
 from twin.cli.options import timeout_option
-from twin.cli.progress import DelayedBar
+from twin.cli.progress import ProgressBar
 from twin.cli.terminal import say, show_elapsed, show_table
 from twin.errors import FMUError, SimulationError
 from twin.process import supervise
@@ -116,7 +117,6 @@ def simulate_fmu(options: SimulateOptions) -> None:
     csv_tables.check_output(target)
     with show_elapsed(f"reading {options.fmu.name}"):
         member = load_member(options)
-    bar = DelayedBar() if sys.stdout.isatty() else None
     try:
         planned = plan(
             member,
@@ -128,13 +128,15 @@ def simulate_fmu(options: SimulateOptions) -> None:
         )
         with show_elapsed(f"reading {options.input}"):
             inputs = csv_tables.read_inputs(options.input, member) if options.input else None
-        outcome = (
-            left(member, planned, link) if link.attempt else simulate(member, planned, inputs, progress=bar, link=link)
-        )
+        with ProgressBar("simulating", delay=1.0) as bar:
+            show = partial(bar.show, bar.title) if bar.bar is not None else None
+            outcome = (
+                left(member, planned, link)
+                if link.attempt
+                else simulate(member, planned, inputs, progress=show, link=link)
+            )
     finally:
         member.close()
-        if bar:
-            bar.close()
         if options.show_log:
             for line in member.log:
                 say(f"log: {line}", err=True)
@@ -142,7 +144,7 @@ def simulate_fmu(options: SimulateOptions) -> None:
     csv_tables.write(outcome.results, target)
     for note in outcome.notes:
         say(f"note: {name}: {note}", err=True)
-    report_results(outcome.results, target, replaced, with_summary=bar is not None)
+    report_results(outcome.results, target, replaced, with_summary=sys.stdout.isatty())
     if outcome.interrupted:
         raise KeyboardInterrupt
     if outcome.failure:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import sys
 import threading
 from contextlib import contextmanager
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 UNLIMITED = 10_000  # columns
+GAP = 3  # columns between those of a table
 MAX_NAME = 40  # letters of a name that a table does not break
 NO_BREAK_SPACE = "\N{NO-BREAK SPACE}"
 SECOND = 1.0
@@ -148,17 +150,32 @@ def show_table(titles: Iterable[str], rows: Iterable[Iterable[str | Text]], left
     """Print a table whose first `left` columns, and last `texts` ones, are aligned to the left; return whether it has rows, nothing is printed without."""
     from rich.text import Text
 
+    titles = list(titles)
     table = make_table(*titles, left=left)
-    rows = [[Text(cell) if isinstance(cell, str) else cell for cell in row] for row in rows]
-    for row in rows:
+    cell_rows = [[Text(cell) if isinstance(cell, str) else cell for cell in row] for row in rows]
+    others = [max(map(len, cells)) for cells in zip(titles, *cell_rows, strict=True)][1:]
+    room = open_console().width - sum(others) - GAP * len(titles)  # of the first column
+    for row in cell_rows if room > max(others, default=0) else ():
+        row[0] = Text(" ".join(break_name(word, room) for word in row[0].plain.split(" ")), row[0].style)
+    for row in cell_rows:
         table.add_row(*row)
-    for column, cells in zip(table.columns[:left], zip(*rows, strict=True), strict=False):  # names stay whole
+    for column, cells in zip(table.columns[:left], zip(*cell_rows, strict=True), strict=False):  # names stay whole
         column.no_wrap = all(" " not in cell.plain and len(cell) <= MAX_NAME for cell in cells)
     for column in table.columns[len(table.columns) - texts :]:
         column.justify = "left"
     if table.row_count:
         open_console().print(table)
-    return bool(rows)
+    return bool(cell_rows)
+
+
+def break_name(name: str, width: int) -> str:
+    """Return a name that is longer than a line of its column with blanks where it breaks: after a point or underscore."""
+    lines = [""]
+    for part in re.findall(r"[^._]*[._]+|[^._]+", name):
+        if lines[-1] and len(lines[-1] + part) > width:
+            lines.append("")
+        lines[-1] += part
+    return " ".join(lines)
 
 
 def make_bar(*, err: bool = False) -> Progress:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import importlib.util
-import sys
 import webbrowser
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from twin.cli.options import no_open_option, option, port_option, runs_option, signal_option
-from twin.cli.progress import DelayedBar
+from twin.cli.progress import ProgressBar
 from twin.cli.terminal import say
 from twin.errors import SceneError, TwinError, nearest
 
@@ -375,9 +375,5 @@ def write_animation(frames: Frames, target: Path, rate: float, speed: float) -> 
         last = frames.select(np.array([len(frames.time) - 1]))
         picture.save_figure(picture.scene_figure(last, f"{frames.title}, {frames.time[-1]:g} s"), target)
     else:
-        progress = DelayedBar("drawing") if sys.stdout.isatty() else None
-        try:
-            animation.write_movie(frames, target, rate, speed, progress or (lambda _: None))
-        finally:
-            if progress:
-                progress.close()
+        with ProgressBar("drawing", delay=1.0) as bar:
+            animation.write_movie(frames, target, rate, speed, partial(bar.show, bar.title))

@@ -132,6 +132,7 @@ class RunResult:
     refinements: list[StepRefinement] = field(default_factory=list)  # at half the step, if requested
     structures: dict[tuple[str, str], list[str]] = field(default_factory=dict)  # (SVG, remarks) -> variants
     study_case: StudyCase | None = None
+    phases: dict[str, float] = field(default_factory=dict)  # durations beside the simulation [s]
 
     @property
     def passed(self) -> bool:

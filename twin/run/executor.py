@@ -186,6 +186,7 @@ class RunExecutor:
 
     def build_members(self) -> None:
         """Build FMUs or compiled code of all members; an interrupted run has not recorded anything yet."""
+        begin = time.monotonic()
         components = [members.component_of(spec) for case in self.cases for spec in case.members.values()]
         try:
             with self.stop.armed():
@@ -197,6 +198,7 @@ class RunExecutor:
         except BaseException:
             self.journal.remove()
             raise
+        self.result.phases["building"] = time.monotonic() - begin
 
     def refuse_unserializable(self) -> None:
         """Raise TwinError with a line for each member of any variant whose state cannot be saved in a checkpoint."""
@@ -415,8 +417,10 @@ class RunExecutor:
 
     def finalize(self) -> None:
         """Write the folder; this is not interrupted."""
-        self.callbacks.progress(f"writing the {'report' if self.options.report else 'results'}", 1.0)
+        begin, what = time.monotonic(), "report" if self.options.report else "results"
+        self.callbacks.progress(f"writing the {what}", 1.0)
         self.channel.note("")
         self.channel.keep(finishing=True)
         self.channel.close()
         finalize_run(self.result, self.cases, self.options.report, self.hardware, self.journal)
+        self.result.phases[what] = time.monotonic() - begin

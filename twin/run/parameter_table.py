@@ -229,19 +229,20 @@ def changes_of_base(scenario: ScenarioSpec) -> str:
     return f"changed from {Path(base.location.file).stem}: {'; '.join(texts.values())}" if texts else ""
 
 
-def case_settings(scenario: ScenarioSpec, variant: str) -> dict[str, str]:
-    """Return times, algorithm, components and parameters of a variant as they are run, as texts, by `member.parameter`."""
+def case_settings(scenario: ScenarioSpec, variant: str) -> tuple[dict[str, str], dict[str, str]]:
+    """Return times, algorithm, components and parameters of a variant as they are run, as texts, by `member.parameter`; and defaults."""
     from twin.run.cases import resolve_catalogs
 
     case = next(case for case in scenario.variants if case.variant == variant)
     texts = {"stop_time": clock.text(scenario.stop_ns), "step": clock.text(scenario.step_ns)}
     texts["algorithm"] = scenario.algorithm.described
     texts |= {name: spec.component for name, spec in case.members.items()}
-    for row in parameter_rows([case], resolve_catalogs(scenario)):
+    rows = parameter_rows([case], resolve_catalogs(scenario))
+    for row in rows:
         name = f"{row.member}.{row.name}"
         shown, value = range_unit(scenario, name), f"{row.value} {label(row.unit)}".rstrip()
         texts[name] = in_unit(float(row.value), row.unit, shown) if shown and row.unit != spelled(shown) else value
-    return texts
+    return texts, {f"{row.member}.{row.name}": row.default for row in rows}
 
 
 def value_remarks(scenario: ScenarioSpec, case: Case, catalog: Catalog, option: str, previous: str) -> list[str]:

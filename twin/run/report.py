@@ -70,7 +70,7 @@ def list_failures(evaluation: Evaluation) -> list[ExpectationResult]:
     failures = [result for result in evaluation.expectation_results if result.verdict == "fail"]
     variants: dict[tuple[str, str], list[str]] = {}
     for row in filter(is_failure, metric_rows(evaluation.metric_results)):
-        reference = f", the paper: {row['paper']} {row['tolerance']}" if row["paper"] != "-" else ""
+        reference = f", expected the paper's {row['paper']} {row['tolerance']}" if row["paper"] != "-" else ""
         key = row["description"] or row["metric"], f"{row['mean']}{reference}."
         variants.setdefault(key, []).append(row["variant"])
     metrics = [ExpectationResult(f"{name}, {list_names(own)}", "fail", text) for (name, text), own in variants.items()]

@@ -191,7 +191,9 @@ def report_html(
     # of a case of a study: its own values, not those of each variable
     factors = summary.get("study", {}).get("factors", {})
     stated = [(" ".join(item), "") for item in factors.items() if len(factors) <= MAX_FACTORS] if factors else changes
-    sentence = summary.get("sentence") or outcome_sentence(summary, stated)
+    rows = failure_rows(failures, default_values(expectations, evaluation, read_summary(default_folder)), variants)
+    sentence = summary.get("sentence") or outcome_sentence(summary, stated, rows)
+    sentence = re.sub(r"(?<=\d) (?=(?:[mk]?[NmsAV]|Hz|deg)\b|[%/])", "\N{NO-BREAK SPACE}", sentence)
     notes = [note for note in notes if note not in changed_notes]
     summary = {**summary, "reason": reason, "notes": notes, "sentence": sentence}
     return (
@@ -208,7 +210,7 @@ def report_html(
             published=sum(result.verdict == "pass" for result in evaluation.metric_results),
             failures=failures,
             changed_notes=changed_notes,
-            rows=failure_rows(failures, default_values(expectations, evaluation, read_summary(default_folder))),
+            rows=rows,
             has_default=bool(default_folder),
             run_reference=run_reference(summary["scenario"]),
             folder=folder,
@@ -234,9 +236,9 @@ def report_html(
             structures=titled_structures(structures[: MAX_STRUCTURES + 1]),
             more_structures=len(structures[MAX_STRUCTURES + 1 :]),
             refinements=refinements,
-            matrix=build_matrix(evaluation, violations, variants),
+            matrix=build_matrix(evaluation, violations, variants, list(plots), [row.annotation for row in events]),
             titles=SECTIONS,
-            start=next((violation.start for violation in (first, *in_curves) if violation), None),
+            start=next((violation.start for violation in (first, *in_curves, *violations) if violation), None),
             starts={violation.name: violation.start for violation in reversed([*in_curves, *violations])},
             incomplete=[
                 f"{variant}, seed {seed}" for (variant, seed), signals in tables.items() if not signals.complete
@@ -338,16 +340,19 @@ def compare_command(scenario: Mapping[str, str], folder: str, default_folder: st
     return f"twin run {run_reference(scenario)}{runs}; twin compare {shlex.quote(str(latest))} {own}"
 
 
-def outcome_sentence(summary: Mapping[str, Any], changes: Sequence[Change]) -> str:
-    """Return what was changed and how many requirements fail, for a run without a sentence of its scenario; empty if nothing is judged."""
-    met, judged = count_verdicts(summary)
+def outcome_sentence(summary: Mapping[str, Any], changes: Sequence[Change], rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return what was changed and which requirements fail, for a run without a sentence of its scenario; empty if nothing is judged.
+
+    `rows`: of the table of failures; the first one is told with its value.
+    """
+    judged = count_verdicts(summary)[1]
     if not judged or summary["status"] != "completed":
         return ""
     texts = [name + f" instead of {was.partition(' ')[2]}" * bool(was) for name, was in changes]
     outside = [result["name"] for result in summary["expectations"] if result.get("is_outside")]
     outcome = (
-        f"{judged - met} of {judged} requirements fail."
-        if met < judged
+        failed_sentence(rows)
+        if rows
         else f"all {judged}{' judged' * bool(outside)} requirements are met"
         + f"; {len(outside)} not judged lie{'s' * (len(outside) == 1)} outside of nominal limits: {list_names(outside)}"
         * bool(outside)
@@ -355,6 +360,15 @@ def outcome_sentence(summary: Mapping[str, Any], changes: Sequence[Change]) -> s
     )
     outcome = f"With {', '.join(texts)}, {outcome}" if texts else outcome
     return outcome[:1].upper() + outcome[1:]
+
+
+def failed_sentence(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return which requirements fail, and the value of the first one: `"safe" fails: 30 mN in PI (default run: 5 mN).`."""
+    first = rows[0]
+    names = list_names([row["failure"].name for row in rows])
+    where = f" in {first['case']}" * bool(first["case"])
+    before = f" (default run: {first['before']})" * bool(first["before"])
+    return f"{names} {'fail; the first' if len(rows) > 1 else 'fails'}: {first['value']}{where}{before}."
 
 
 def default_values(
@@ -381,16 +395,20 @@ def default_values(
 
 
 def failure_rows(
-    failures: Iterable[tuple[ExpectationResult, str]], defaults: Mapping[str, Mapping[str, str]]
+    failures: Iterable[tuple[ExpectationResult, str]],
+    defaults: Mapping[str, Mapping[str, str]],
+    variants: Sequence[str],
 ) -> list[dict[str, Any]]:
     """Return the rows of the table of failures: limit, value in the default run and in this one, and the worst case."""
     rows = []
     for failure, target in failures:
-        limit = failure.detail.partition(", expected ")[2].partition("; ")[0].rstrip(".")
-        variant, seed, value, time = failure.cases[0] if failure.cases else ("", "", failure.detail, "")
+        head, _, limit = failure.detail.partition("; ")[0].rstrip(".").partition(", expected ")
+        variant, seed, value, time = failure.cases[0] if failure.cases else ("", "", head, "")
+        case = f"{variant}, seed {seed}" if failure.cases else ""
+        if not case and (name := head.rpartition(" in ")[2].strip('"')) in variants:  # a mean, of an order
+            variant, case, value = name, name, head.rpartition(" in ")[0]
         own = defaults.get(failure.name, {})
         before = own.get(variant) or "; ".join(f"{name} {text}".strip() for name, text in own.items())
-        case = f"{variant}, seed {seed}" if failure.cases else ""
         rows.append(
             {
                 "failure": failure,

@@ -63,7 +63,7 @@ def draw_plots(
                 plotting.plot_svg(plot, tables, numbers, str(number), violations),
                 "; ".join(filter(None, notes)),
                 charts,
-                report_curves.event_marks(numbered),
+                report_curves.event_marks({n: each for n, each in numbered.items() if is_in_window(plot, each.time)}),
                 numbered,
                 view_command(plot, folder),
                 urlencode([("signal", name) for name in viewed_signals(plot)]),
@@ -113,14 +113,18 @@ def is_in_window(plot: Plot, time: float) -> bool:
 
 
 def events_in_plot(plot: Plot, tables: Tables, events: Iterable[EventLine]) -> dict[int, EventLine]:
-    """Return the events that a plot over time shows, by their numbers in the table of all events, counted from 1."""
+    """Return the events that a plot over time shows, by their numbers in the table of all events, counted from 1.
+
+    Also those of some variants before it begins: what failed stays so.
+    """
     if plotting.is_loop_plot(plot):
         return {}
-    selected = plotting.selected_tables(plot, tables)
+    selected, stop = plotting.selected_tables(plot, tables), plot.window.stop_ns
     return {
         number: event
         for number, event in enumerate(events, 1)
-        if is_in_window(plot, event.time) and plot_annotations.reaches(event, selected)
+        if (is_in_window(plot, event.time) or (event.variants and (stop is None or event.time < clock.seconds(stop))))
+        and plot_annotations.reaches(event, selected)
     }
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from twin.results import metric_formats, si_conversion
+from twin import clock
+from twin.results import join_numbers, metric_formats, si_conversion
 from twin.run.report import metric_definition
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
-    from twin.results import Evaluation, Metric, MetricFormat, MetricResult, Violation
+    from twin.results import Evaluation, EventLine, Metric, MetricFormat, MetricResult, Plot, Violation
 
 FAILED = ("fail", "none")  # verdicts of metrics
 MIN_VARIANTS, MAX_ROWS = 5, 24  # a list of fewer variants, or of no more rows, is readable at a glance
@@ -54,8 +55,26 @@ class Matrix:
         return len(self.columns) >= len(self.rows)
 
 
-def matrix_cell(result: MetricResult, style: MetricFormat, verdict: str) -> MatrixCell:
-    """Return the mean of a metric of a variant with its worst seed, its published value, and the ratio of both."""
+def remarks_on_cell(result: MetricResult, plots: Iterable[Plot], events: Iterable[EventLine]) -> list[str]:
+    """Return the events of its variant alone in the window of a metric, and the band of a plot that an extreme value leaves."""
+    metric, window = result.metric, result.metric.window
+    own = [
+        number
+        for number, event in enumerate(events, 1)
+        if result.variant in event.variants and window.start_ns is not None and window.stop_ns is not None
+        if clock.seconds(window.start_ns) < event.time < clock.seconds(window.stop_ns)
+    ]
+    texts = [f"with event{'s' * (len(own) > 1)} {join_numbers(own)}"] * bool(own)
+    for plot in plots if metric.reduce in ("min", "max") else ():
+        is_own = any(curve.signal.text == metric.signal.text for curve in plot.curves)
+        if is_own and plot.band and result.mean is not None and not plot.band[0] <= result.mean <= plot.band[1]:
+            texts.append(f"outside of {' to '.join(map(plot.shown, plot.band))}, not judged")
+            break
+    return texts
+
+
+def matrix_cell(result: MetricResult, style: MetricFormat, verdict: str, remarks: Iterable[str] = ()) -> MatrixCell:
+    """Return the mean of a metric of a variant with its worst seed, its published value, the ratio of both, and remarks."""
     metric = result.metric
     factor, offset = si_conversion(metric.unit, metric.is_difference)
     if result.mean is None:
@@ -70,13 +89,19 @@ def matrix_cell(result: MetricResult, style: MetricFormat, verdict: str) -> Matr
         notes.append(f"paper {style.reference(result.paper).removesuffix(style.label).rstrip()}{tolerance}")
         mark = {"pass": " ✓", "fail": " ✗"}.get(result.verdict, "")
         notes += [f"ratio {result.ratio:.2f}{mark}"] * (result.ratio is not None)
-    return MatrixCell(metric.named(result.mean, text), tuple(notes), (result.mean - offset) / factor, verdict)
+    return MatrixCell(metric.named(result.mean, text), (*notes, *remarks), (result.mean - offset) / factor, verdict)
 
 
-def build_matrix(evaluation: Evaluation, violations: Sequence[Violation], order: Sequence[str] = ()) -> Matrix:
+def build_matrix(
+    evaluation: Evaluation,
+    violations: Sequence[Violation],
+    order: Sequence[str] = (),
+    plots: Sequence[Plot] = (),
+    events: Sequence[EventLine] = (),
+) -> Matrix:
     """Collect the means of all metrics of all variants; rows with failures come first, and metrics with a reference value.
 
-    `order`: of the variants.
+    `order`: of the variants. `plots` and `events`: for the remarks on values that are not judged.
     """
     by_weight = sorted(
         evaluation.metric_results, key=lambda result: (result.verdict not in FAILED, result.paper is None)
@@ -99,7 +124,9 @@ def build_matrix(evaluation: Evaluation, violations: Sequence[Violation], order:
                 cells.append(MatrixCell())
                 continue
             verdict = "fail" if (variant, name) in failed_cells else result.verdict
-            cells.append(matrix_cell(result, formats[name], verdict))
+            is_judged = any(variant in each.variants and each.concerns(result.metric.signal) for each in violations)
+            remarks = remarks_on_cell(result, () if is_judged else plots, events)
+            cells.append(matrix_cell(result, formats[name], verdict, remarks))
         failed_metrics = [
             name for name in metrics if (variant, name) in results and results[variant, name].verdict in FAILED
         ]

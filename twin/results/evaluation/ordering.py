@@ -39,22 +39,21 @@ def check_order(expectation: Expectation, results: Mapping[str, MetricResult]) -
     names = dict(zip(expectation.ordered, quote_names(expectation.ordered), strict=True))
     texts = [f"{names[result.variant]} {style.text(result.mean, scale)}" for result in ordered_results]
     margin = format_margin(expectation)
-    side, sign = ("above", "less") if expectation.descending else ("below", "plus")
+    side, bound, sign = ("below", "at most", "less") if expectation.descending else ("above", "at least", "plus")
     failing = failing_pairs(expectation, ordered_results)
     seeds = failing_seeds(expectation, ordered_results)
     comparison = f"{expectation.metric}: {(' > ' if expectation.descending else ' < ').join(texts)}"
     if not failing:
         required = f" (required margin: {margin})" if margin else ""
         return name, "pass", f"{comparison}{required}{f'; not at {seeds}' * bool(seeds)}.", ""
-    of_variant = dict(zip((result.variant for result in ordered_results), texts, strict=True))
     pairs = []
     for before, after in failing:
-        first, second = of_variant[before.variant], of_variant[after.variant]
+        first = style.text(before.mean, scale)
         if not margin or before.mean is None or after.mean is None:
-            pairs.append(f"{first} is not {side} {second}")
+            limit = f"{side} {first} ({names[before.variant]})"
         else:
-            limit = expectation.shown(expectation.bound(before.mean), scale)
-            pairs.append(f"{second} is {side} {limit} ({first} {sign} {margin})")
+            limit = f"{bound} {expectation.shown(expectation.bound(before.mean), scale)} ({names[before.variant]} {first} {sign} {margin})"
+        pairs.append(f"{style.text(after.mean, scale)} in {names[after.variant]}, expected {limit}")
     detail = ", and ".join(pairs)
     return name, "fail", f"{detail}{f'; {seeds}' * bool(seeds)}.", f"{expectation.metric}: {', '.join(texts)}."
 

@@ -308,11 +308,11 @@ def count_not_judged(summary: Mapping[str, Any]) -> tuple[int, int]:
 
 
 def requirements_text(met: int, judged: int, not_judged: int = 0, outside: int = 0) -> str:
-    """Return how many requirements are met or failed, as report, notebook and console say it. `outside`: of those not judged."""
-    counts = (
-        f"{met} of {judged} requirements met" if met == judged else f"{judged - met} of {judged} requirements failed"
-    )
-    return ", ".join([counts] * bool(judged) + not_judged_texts(not_judged, outside))
+    """Return how many requirements are met or failed, as report, notebook, console and terminal say it: `1 failed · 12 passed · 4 not judged`. `outside`: of those not judged."""
+    if met < judged:
+        passed = [f"{met} passed"] * bool(met)
+        return " · ".join([f"{judged - met} failed", *passed, *not_judged_texts(not_judged, 0)])
+    return ", ".join([f"{met} of {judged} requirements met"] * bool(judged) + not_judged_texts(not_judged, outside))
 
 
 def not_judged_texts(not_judged: int, outside: int) -> list[str]:
@@ -323,15 +323,14 @@ def not_judged_texts(not_judged: int, outside: int) -> list[str]:
 
 
 def describe_outcome(summary: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the outcome of a run as a word, such as PASS, and the counts: `2 of 6 requirements failed, 11 not judged, 1 warning`."""
+    """Return the outcome of a run as a word, such as PASS, and the counts: `2 failed · 4 passed · 11 not judged, 1 warning`."""
     met, judged = count_verdicts(summary)
     verdict = ("PASS" if summary["passed"] else "FAIL") if judged else "DONE"
     word = verdict if summary["status"] == "completed" else summary["status"].upper()
-    counts = (
-        f"{met} of {judged}" if word == "PASS" else f"{judged - met} of {judged} requirements failed" * (met < judged)
-    )
+    not_judged, outside = count_not_judged(summary)
+    parts = [f"{met} of {judged}"] * (word == "PASS") + not_judged_texts(not_judged, outside)
+    parts = [requirements_text(met, judged, not_judged)] if met < judged and word != "PASS" else parts
     warnings = sum("warning: " in note for note in summary.get("notes", ()))
-    parts = [counts, *not_judged_texts(*count_not_judged(summary))]
     return word, ", ".join(filter(None, [*parts, *[f"{warnings} warning{'s' * (warnings > 1)}"] * bool(warnings)]))
 
 
