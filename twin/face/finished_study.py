@@ -55,7 +55,7 @@ def study(
             build=Path(build),
             workers=workers,
             resume=folder,
-            listen=lambda now: report_progress(progress_text(now), now.done / max(now.count, 1)),
+            listen=lambda now: report_progress(progress_text(now), now.fraction),
             command="twin.study",
         )
     if not outcome.cases.rows:
