@@ -597,12 +597,20 @@ class Divides(Types):
         self.place = self.gain / (self.push - self.push)
 
 
+class DividesOnce(Types):
+    """A component that divides by zero in one step."""
+
+    def step(self, t, h):
+        self.place = self.gain / (t - 0.02)
+
+
+@pytest.mark.parametrize("cls", [Divides, DividesOnce])
 @pytest.mark.parametrize("backend", ["interpreted", "compiled", pytest.param("fmu", marks=pytest.mark.slow)])
-def test_a_division_by_zero_is_reported_with_file_and_line(scenario, place, build, backend):
-    failing = scenario.set("part.component", Divides).set("seeds", [1])
+def test_a_division_by_zero_is_reported_with_file_and_line(scenario, place, build, backend, cls):
+    failing = scenario.set("part.component", cls).set("seeds", [1])
     with pytest.raises(SimulationError) as caught:
         failing.run("plain", out=place / "divided", build=build, backend=backend, report=False)
-    line = Divides.step.__code__.co_firstlineno + 1
+    line = cls.step.__code__.co_firstlineno + 1
     run = caught.value.run
     assert (run.status, run.passed, "part.push" in run) == ("failed", False, True)
     assert f"{__file__}:{line}: " in run.reason

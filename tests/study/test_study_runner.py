@@ -239,7 +239,8 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
     assert f'data-command="twin run --case {tmp_path}:3"' in text
     assert "did not finish: lost" in second
     assert (tmp_path / page.PAGE).read_text().count("navigator.clipboard.writeText") == 1
-    assert rows[:4] == [  # first of all, what was varied
+    assert rows[0] == "What fails Variant Cases Factors that differ Example"  # then what was varied
+    assert rows[3:7] == [
         "Factor Variables Distribution Range in the cases Source",
         *(
             " ".join(one[key] for key in ("name", "targets", "kind", "span", "source"))
@@ -256,7 +257,7 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
             *(f"parallel {metric} {variant}" for variant in ("plain", "soft")),
         )
     ]
-    passed, missed = text.split("at 100 %</summary>")[1], text[text.index('id="shares"') :].split("at 100 %")[0]
+    passed, missed = text.split("with their variants</summary>")[1], text[text.index('id="shares"') :].split("rows of 100 %")[0]
     assert ("<td>gentle</td><td>plain</td>" in passed, "<td>gentle</td><td>soft</td>" in missed) == (True, True)
     assert "<td>gentle</td><td>plain</td>" not in missed
     assert 'id="worst"' not in text

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     Array = np.ndarray[Any, Any]
 
 WIDTH, WIDE = 4.4, 9.2  # of a plot that is legible on a phone, and of one with many axes [inch]
+FEW = 20  # cases: with fewer, a distribution shows each as a point
 LINES = 400  # of parallel coordinates: more are one area
 BAD, GOOD = "#b42335", "#0b62a4"
 LIMIT_LINE: dict[str, Any] = {"color": BAD, "linewidth": 1.2, "linestyle": (0, (6, 3))}
@@ -101,12 +102,17 @@ def scatter(cases: CaseTable, metric: str, variant: str, factor: int, unit: str)
             points.set_urls([f"#case-{cases.requests[i].number}" for i in case_indices])
         for limit in limits_of(study, variant, metric):
             height = axis.axhline((limit - offset) / scale, **LIMIT_LINE).get_ydata()[0]
+            (left, right), (low, high) = axis.get_xlim(), axis.get_ylim()
+            near = (varied.in_shown_unit(cases.values[own, factor]) - left) / (right - left)
+            near = near[(values[own] > height) & (values[own] < height + 0.12 * (high - low))]
+            is_right = (near < 0.3).sum() > (near > 0.7).sum()  # at the end where it covers fewer points
             axis.annotate(
                 limit_text(study, metric, limit, unit),
-                (0.01, height),
+                (0.99 if is_right else 0.01, height),
                 xycoords=axis.get_yaxis_transform(),
                 xytext=(0, 2),
                 textcoords="offset points",
+                ha="right" if is_right else "left",
                 color=BAD,
             )
         axis.set_xlabel(plotting.axis_label(varied.name, varied.shown_unit))
@@ -137,7 +143,7 @@ def limit_text(study: Study, metric: str, limit: float, unit: str) -> str:
 
 
 def histogram(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
-    """Draw the histogram of a metric; red: cases that fail in anything.
+    """Draw the histogram of a metric, of few cases each as a point; red: cases that fail in anything.
 
     The axis is that of all variants; so are the bins where their ranges overlap.
     """
@@ -158,7 +164,19 @@ def histogram(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
         axis, finite_values, bad = grid[0, 0], values[own[variant]], is_bad[own[variant]]
         edges = all_edges[variant]
         kinds = [np.minimum(part, edges[-1]) for part in (finite_values[~bad], finite_values[bad])]
-        axis.hist(kinds, bins=edges, color=[GOOD, BAD], stacked=True)
+        if len(finite_values) < FEW:
+            order = np.argsort(finite_values)  # points side by side are at three heights
+            for kind, color in ((False, GOOD), (True, BAD)):
+                indices = np.flatnonzero(bad[order] == kind)
+                points = axis.scatter(finite_values[order[indices]], indices % 3, s=30, color=color, edgecolors="#fff")
+                points.set_urls([f"#case-{cases.requests[i].number}" for i in own[variant][order[indices]]])
+            axis.set_ylim(-1.0, 4.0)
+            axis.tick_params(axis="y", left=False, labelleft=False)
+        else:
+            axis.hist(kinds, bins=edges, color=[GOOD, BAD], stacked=True)
+            axis.set_ylim(top=1.2 * axis.get_ylim()[1])  # for the names of limits
+            axis.yaxis.get_major_locator().set_params(integer=True)
+            axis.set_ylabel("cases")
         for limit in limits_of(study, variant, metric):
             x = axis.axvline((limit - offset) / factor, **LIMIT_LINE).get_xdata()[0]
             side = (2, "left") if x < (min(ends) + max(ends)) / 2 else (-2, "right")  # towards the middle
@@ -178,14 +196,13 @@ def histogram(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
                 color="#1f2933",
                 linewidth=0.8,
                 linestyle=":",
+                ymax=0.83,
             )
         low, high = min(ends), max(ends)
         axis.set_xlim(low - 0.04 * (high - low), high + 0.04 * (high - low))
-        axis.yaxis.get_major_locator().set_params(integer=True)
-        axis.set_ylabel("cases")
         axis.set_xlabel(plotting.axis_label(metric, unit))
 
-    return figure_files.render_svg((WIDTH, 3.0), f"histogram {metric} {variant}", paint)
+    return figure_files.render_svg((WIDTH, 1.8 if len(own[variant]) < FEW else 3.0), f"histogram {metric} {variant}", paint)
 
 
 def bin_edges(values: Array) -> Array:
