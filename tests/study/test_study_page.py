@@ -81,7 +81,9 @@ def test_a_linked_row_is_marked_and_its_command_copied(browser, report):  # noqa
     facts = shown.locator(".facts div").all_inner_texts()
     assert facts[0].split("\n")[0] == "24"
     assert facts[0].split("\n")[1:] == ["cases: 2 variants of each sample"]
-    numbers = [int(re.match(r"\d+", text)[0]) for text in shown.locator("#cases tbody td:first-child").all_text_contents()]
+    numbers = [
+        int(re.match(r"\d+", text)[0]) for text in shown.locator("#cases tbody td:first-child").all_text_contents()
+    ]
     assert numbers[:8] == [3, 6, 9, 12, 15, 18, 21, 24]  # failures first
     rows, more = shown.locator("#cases tbody tr:visible"), shown.locator("#cases .more")
     assert (rows.count(), more.inner_text()) == (20, "Show all 24 rows")  # whole ones, without a box that scrolls

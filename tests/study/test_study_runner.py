@@ -40,7 +40,7 @@ def loaded(folder, text=STUDY):
 
 
 def reporter_of(phases):
-    return SimpleNamespace(update=lambda phase, left=0.0: phases.append(phase))
+    return SimpleNamespace(update=phases.append)
 
 
 def outcome_of(study, folder, forces=(0.02, 0.1, 0.04, None), status="completed"):
@@ -257,7 +257,10 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
             *(f"parallel {metric} {variant}" for variant in ("plain", "soft")),
         )
     ]
-    passed, missed = text.split("with their variants</summary>")[1], text[text.index('id="shares"') :].split("rows of 100 %")[0]
+    passed, missed = (
+        text.split("with their variants</summary>")[1],
+        text[text.index('id="shares"') :].split("rows of 100 %")[0],
+    )
     assert ("<td>gentle</td><td>plain</td>" in passed, "<td>gentle</td><td>soft</td>" in missed) == (True, True)
     assert "<td>gentle</td><td>plain</td>" not in missed
     assert 'id="worst"' not in text

@@ -247,13 +247,13 @@ def show_estimate(study: Study, estimate: TimeEstimate) -> None:
     show_table(["variant", "cases", "time of a case"], rows, 1)
     for why in estimate.failures:
         say(f"did not finish: {why}")
-    from twin.study import duration_text, finishing_time, keeping_count
+    from twin.study import duration_text, finishing_time
 
-    case, count = max(estimate.seconds.values()), keeping_count(study)
+    case, keep = max(estimate.seconds.values()), min(study.keys.keep.failed, study.count)
     least, most = (finishing_time(study, failing, case) for failing in (0, study.count))
     first = estimate.preparation + estimate.cases
     ends = [duration_text(first + end) for end in (least, most)]
-    keeping = f", up to {duration_text(most - least)} to run up to {count} cases again with all signals" * (most > least)
+    keeping = f", up to {duration_text(most - least)} to run {keep} cases that fail again with all signals" * bool(keep)
     say(
         f"In all {' to '.join(dict.fromkeys(ends))} with {estimate.workers} process{'es' * (estimate.workers > 1)}: "
         f"{duration_text(estimate.preparation)} to begin, {duration_text(estimate.cases)} for the cases, "

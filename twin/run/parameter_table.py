@@ -294,8 +294,6 @@ def in_unit(value: float, symbol: str, shown: str) -> str:
     return f"{(value * factor + offset - shown_offset) / shown_factor:.6g} {units.label(shown)}"
 
 
-
-
 def spelled(symbol: str) -> str:
     """Return `1/min` for the `/min` of values such as `60 /min`."""
     return f"1{symbol}" if symbol.startswith("/") else symbol
@@ -326,9 +324,7 @@ def override_remarks(
     if ends is not None and not ends[0] <= value <= ends[1]:
         return [f"{WARNING}{meaning} outside of {limits}.{advice}"]
     if ends is None and value and before and not 1.0 / FAR <= abs(value / before) <= FAR:
-        size = (
-            f"{abs(value / before):.4g} times the scenario's {usual} {units.label(shown_value(before, variable)[1])}".rstrip()
-        )
+        size = f"{abs(value / before):.4g} times the scenario's {usual} {units.label(shown_value(before, variable)[1])}".rstrip()
         return [f"{WARNING}{meaning} implausible, {size}.{advice}"]
     return [f"note: {meaning.rstrip(',')}.{advice}"] if advice else []
 

@@ -12,7 +12,6 @@ from .execution import duration_text as duration_text
 from .execution import estimate_time as estimate_time
 from .execution import finishing_time as finishing_time
 from .execution import is_complete as is_complete
-from .execution import keeping_count as keeping_count
 from .execution import latest as latest
 from .execution import progress_text as progress_text
 from .execution import repeat as repeat

@@ -93,19 +93,11 @@ class Saved:
 
 
 class FiniteValueMonitor:
-    """Monitor of the members of a co-simulation. `exempt`: members that may compute values that are not finite.
+    """Monitor of the members of a co-simulation. `exempt`: members that may compute values that are not finite."""
 
-    `periods`: of members with steps of their own [ns].
-    """
-
-    def __init__(
-        self,
-        members: Mapping[str, Member],
-        links: list[ResolvedConnection],
-        exempt: Collection[str],
-        periods: Mapping[str, clock.Time] | None = None,
-    ) -> None:
-        self.members, self.links, self.periods = members, links, periods or {}
+    def __init__(self, members: Mapping[str, Member], links: list[ResolvedConnection], exempt: Collection[str]) -> None:
+        self.members, self.links = members, links
+        self.periods: dict[str, clock.Time] = {}  # of members with steps of their own [ns]
         self.variables = {
             name: variables for name, m in members.items() if name not in exempt and (variables := finite_variables(m))
         }
@@ -257,7 +249,9 @@ class FiniteValueMonitor:
         others = [f"{name}.{path}" for path in candidates if path != first]
         more = f" ({', '.join(others[:2])}{' and others' if len(others) > 2 else ''} too)" if others else ""
         cause = (
-            f"with finite inputs. {self.code_note(name)}{REMEDY}" if is_source else f"and not all of its inputs are finite. {REMEDY}"
+            f"with finite inputs. {self.code_note(name)}{REMEDY}"
+            if is_source
+            else f"and not all of its inputs are finite. {REMEDY}"
         )
         return f"{name}.{first}{element} is {value[index]:g} {when}{self.step_text(name, time)}{more}, {cause}"
 
@@ -274,10 +268,9 @@ class FiniteValueMonitor:
                     if not is_finite.all():
                         first = min(first or (len(time), ""), (int(np.argmin(is_finite)), path))
             if first is not None:
-                name = first[1].partition(".")[0]
-                step = self.step_text(name, round(float(time[first[0]]) * 1e9))
-                note = self.code_note(name)
-                return f"{first[1]} was not finite at t = {time[first[0]]:g} s{step}, and later was again. {note}{REMEDY}"
+                name, seconds = first[1].partition(".")[0], float(time[first[0]])
+                when = f"at t = {seconds:g} s{self.step_text(name, round(seconds * 1e9))}"
+                return f"{first[1]} was not finite {when}, and later was again. {self.code_note(name)}{REMEDY}"
         return ""
 
 

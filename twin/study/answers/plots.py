@@ -102,10 +102,8 @@ def scatter(cases: CaseTable, metric: str, variant: str, factor: int, unit: str)
             points.set_urls([f"#case-{cases.requests[i].number}" for i in case_indices])
         for limit in limits_of(study, variant, metric):
             height = axis.axhline((limit - offset) / scale, **LIMIT_LINE).get_ydata()[0]
-            (left, right), (low, high) = axis.get_xlim(), axis.get_ylim()
-            near = (varied.in_shown_unit(cases.values[own, factor]) - left) / (right - left)
-            near = near[(values[own] > height) & (values[own] < height + 0.12 * (high - low))]
-            is_right = (near < 0.3).sum() > (near > 0.7).sum()  # at the end where it covers fewer points
+            near = varied.in_shown_unit(cases.values[own, factor][values[own] > height])  # at the end with fewer points
+            is_right = 2.0 * np.count_nonzero(near < np.mean(axis.get_xlim())) > len(near)
             axis.annotate(
                 limit_text(study, metric, limit, unit),
                 (0.99 if is_right else 0.01, height),
@@ -202,7 +200,9 @@ def histogram(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
         axis.set_xlim(low - 0.04 * (high - low), high + 0.04 * (high - low))
         axis.set_xlabel(plotting.axis_label(metric, unit))
 
-    return figure_files.render_svg((WIDTH, 1.8 if len(own[variant]) < FEW else 3.0), f"histogram {metric} {variant}", paint)
+    return figure_files.render_svg(
+        (WIDTH, 1.8 if len(own[variant]) < FEW else 3.0), f"histogram {metric} {variant}", paint
+    )
 
 
 def bin_edges(values: Array) -> Array:

@@ -8,6 +8,8 @@ from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from twin.study.design import SAMPLED
 from twin.study.execution.case_engine import DONE, Row
 
@@ -16,7 +18,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from twin.study.design import Study
-
     from twin.study.execution.journal import StudyJournal
 
 LATEST = 50  # cases by which the rate is measured: earlier ones include the start of processes, or are of another part
@@ -50,19 +51,14 @@ class StudyProgress:
 class ProgressReporter:
     """Counts rows and reports progress. `finishing`: time after the last case [s], by cases that fail and the time of one."""
 
-    def __init__(
-        self,
-        journal: StudyJournal,
-        count: int,
-        listen: Callable[[StudyProgress], object],
-        finishing: Callable[[int, float], float] = lambda *_: 0.0,
-    ) -> None:
-        self.journal, self.count, self.listen, self.finishing = journal, count, listen, finishing
+    def __init__(self, journal: StudyJournal, count: int, listen: Callable[[StudyProgress], object]) -> None:
+        self.journal, self.count, self.listen = journal, count, listen
+        self.finishing: Callable[[int, float], float] = lambda *_: 0.0
         self.part = SAMPLED
-        self.begin, self.fraction = time.monotonic(), 0.0
+        self.begin, self.fraction = time.monotonic(), 0.0  # `end`: when the study ends, as estimated
         self.folder: Path | None = None  # of the study
         self.failed = self.missed = 0
-        self.rate = self.left = float("nan")
+        self.rate = self.end = float("nan")
         for row in journal.rows.values():
             self._count(row)
         self._times: deque[float] = deque(maxlen=LATEST)
@@ -77,8 +73,8 @@ class ProgressReporter:
         # the first cases of all processes come at once: their rate says nothing before another one could be done
         is_steady = len(self._times) >= LEAST and span > 0.0 and self._times[-1] - self._first >= row.seconds
         self.rate = (len(self._times) - 1) / span if is_steady else float("nan")
-        after = self.finishing(self.failed + self.missed, row.seconds)
-        self.left = (max(self.count - done, 0) / self.rate if done < self.count else 0.0) + after
+        left = max(self.count - done, 0) / self.rate if done < self.count else 0.0
+        self.end = time.monotonic() + left + self.finishing(self.failed + self.missed, row.seconds)
         self.update()
 
     def update_build(self, text: str, fraction: float) -> None:
@@ -87,13 +83,12 @@ class ProgressReporter:
         name, bracket, count = text.removeprefix("building ").partition(" (")
         self.update(f"building{bracket}{count} {name}")
 
-    def update(self, phase: str = "", left: float = float("nan")) -> None:
-        """Report how far the study is. `left`: seconds to its end, by default as known from the latest case."""
-        self.left = left if math.isfinite(left) else self.left
-        if math.isfinite(self.left):
-            elapsed = time.monotonic() - self.begin
-            self.fraction = max(self.fraction, elapsed / (elapsed + self.left + 1e-9))
-        numbers = (len(self.journal.rows), self.count, self.failed, self.rate, self.left)
+    def update(self, phase: str = "") -> None:
+        """Report how far the study is."""
+        now = time.monotonic()
+        left = float(np.maximum(self.end - now, 0.0))
+        self.fraction = float(np.fmax(self.fraction, (now - self.begin) / (now - self.begin + left + 1e-9)))
+        numbers = (len(self.journal.rows), self.count, self.failed, self.rate, left)
         try:
             self.listen(StudyProgress(self.part, *numbers, self.missed, phase, self.folder, self.fraction))
         except BrokenPipeError:
@@ -140,18 +135,8 @@ class TimeEstimate:
         return sum(count * self.seconds[variant] for variant, count in self.counts.items()) / self.workers
 
 
-def plots_time(study: Study) -> float:
-    """Return about how long the plots of a study take [s]."""
-    return PLOT_TIME * len(study.variants) * (len(study.bands) + 2 * len(study.metrics) + 8)
-
-
-def keeping_count(study: Study, failing: int | None = None) -> int:
-    """Return how many cases are kept at most, if so many fail."""
-    keep = study.keys.keep
-    failed = keep.failed if failing is None else min(failing, keep.failed)
-    return failed + keep.worst * len(study.metrics) * len(study.variants)
-
-
-def finishing_time(study: Study, failing: int, seconds: float, *, report: bool = True) -> float:
-    """Return about how long a study takes after its last case [s]. `failing`: cases that fail, `seconds`: of a case."""
-    return (keeping_count(study, failing) * (REPEAT_TIME + seconds) + plots_time(study)) * report
+def finishing_time(study: Study, failing: int, seconds: float) -> float:
+    """Return about how long kept cases and plots take [s], after the last case. `failing`: cases, `seconds`: of a case."""
+    keep, variants, metrics = study.keys.keep, len(study.variants), len(study.metrics)
+    kept = min(failing, keep.failed) + keep.worst * metrics * variants
+    return kept * (REPEAT_TIME + seconds) + PLOT_TIME * variants * (len(study.bands) + 2 * metrics + 8)

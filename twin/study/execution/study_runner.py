@@ -28,14 +28,7 @@ from twin.study.execution.case_engine import DONE, Engine, Job, Row
 from twin.study.execution.journal import NAME as JOURNAL
 from twin.study.execution.journal import StudyJournal
 from twin.study.execution.process_pool import Pool, memory_of_each
-from twin.study.execution.progress import (
-    REPEAT_TIME,
-    ProgressReporter,
-    StudyProgress,
-    TimeEstimate,
-    finishing_time,
-    plots_time,
-)
+from twin.study.execution.progress import ProgressReporter, StudyProgress, TimeEstimate, finishing_time
 from twin.study.execution.tuning import Tuned, tune
 from twin.study.execution.worst_case_search import WorstCase, search_worst
 
@@ -60,7 +53,7 @@ class StudyOutcome:
     folder: Path
     cases: case_table.CaseTable
     status: str
-    seconds: float
+    seconds: float = 0.0
     worst: WorstCase | None = None
     tuned: Tuned | None = None
     runs: dict[int, str] = field(default_factory=dict)  # number of a case -> its folder, as from the study's
@@ -175,17 +168,12 @@ def run_study(
         folder, manifest_data = prepare_folder(study, root, resume, command)
         journal = stack.enter_context(StudyJournal(folder))
         engine = scheduler or f"{workers} process{'es' * (workers > 1)}"
-        outcome = StudyOutcome(
-            study,
-            folder,
-            case_table.finished_cases(study, [], journal),
-            "completed",
-            0.0,
-            engine=engine,
-            begin=start_time,
-        )
+        cases_so_far = case_table.finished_cases(study, [], journal)
+        outcome = StudyOutcome(study, folder, cases_so_far, "completed", engine=engine, begin=start_time)
         outcome.before, requests = len(journal.rows), list[StudyRequest]()
-        reporter = ProgressReporter(journal, study.total, listen, partial(finishing_time, study, report=report))
+        reporter = ProgressReporter(journal, study.total, listen)
+        if report:
+            reporter.finishing = partial(finishing_time, study)
         reporter.folder = folder
         outcome.seconds_before = manifest_data.get("seconds", 0.0)
         outcome.runs = {
@@ -247,7 +235,7 @@ def finish(
                 manifest.write(folder, **{**manifest_data, "status": outcome.status, "runs": outcome.runs})
             if outcome.status != "completed":  # at once, since a second signal may end the process
                 write_report(outcome, PlotSet())
-            reporter.update("drawing the plots of the report", plots_time(outcome.study))
+            reporter.update("drawing the plots of the report")
             write_report(outcome)
     except OSError as error:
         raise SimulationError(unwritten(folder, len(journal.rows), error)) from error
@@ -389,8 +377,7 @@ def keep_runs(outcome: StudyOutcome, build: Path, stop: Stop, reporter: Progress
     for k, number in enumerate(wanted, 1):
         if number in outcome.runs:  # of a study that goes on
             continue
-        left = (len(wanted) - k + 1) * REPEAT_TIME + plots_time(outcome.study)
-        reporter.update(f"keeping case {number} ({k} of {len(wanted)})", left)
+        reporter.update(f"keeping case {number} ({k} of {len(wanted)})")
         if stop.number:
             outcome.status = "interrupted"
             return
