@@ -113,7 +113,10 @@ def test_metrics_are_those_of_the_summary(run):
     assert set(frame.unit) == {"mm"}
     assert frame.set_index("variant").verdict.to_dict() == {"plain": "pass", "strong": "info", "more": "info"}
     assert run.requirements.verdict.tolist() == ["pass"]
-    assert run.expectations.equals(run.requirements)  # the former name
+    assert "expectations" not in dir(run)  # a second name
+    verdicts = ["skipped", "pass", "fail", "pass"]
+    summary = {"expectations": [{"name": str(k), "verdict": one, "detail": ""} for k, one in enumerate(verdicts)]}
+    assert arrays.requirements(summary).name.tolist() == ["2", "1", "3", "0"]  # those that are not judged last
     assert (run.status, run.passed, run.variants, run.seeds) == ("completed", True, ("plain", "strong", "more"), (1, 2))
     assert run.report.read_text().startswith("<!doctype html>")
 

@@ -178,8 +178,6 @@ class StudyResult:
         rows = [{names[key]: share[key] for key in names} for share in self.answers["expectations"]]
         return arrays.table(rows, list(names.values()))
 
-    expectations = requirements  # the former name
-
     def worst_case(self, metric: str, variant: str | None = None) -> int:
         """Return the number of the case with the largest magnitude of a metric, of the samples of a variant or of all."""
         metrics = [name for name in self.cases if name in {spread["metric"] for spread in self.answers["metrics"]}]
