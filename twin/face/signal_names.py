@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from twin.scenario import ScenarioSpec
 
 ELEMENT = re.compile(r"([^\[\]]+)\[[^\[\]]*\]")  # `tip.position[3]`
-MAX_NAMES = 6  # that are suggested
 MAX_ELEMENTS = 16  # of a local array that is no buffer
 
 
@@ -47,12 +46,9 @@ def describe_unknown(
         return (
             f"{name!r} is a member. Name a signal of it, such as {', '.join(map(repr, own[:3]))}, or all: '{name}.*'."
         )
-    if (
-        "." not in name and not candidates
-    ):  # `force`: signals of all members with this word, or members, not 3 of 60 signals
-        names = [signal for signal in names if name and name in signal.partition(".")[2]][:MAX_NAMES]
-        if names:
-            return f"{name!r} was not recorded{reason}. Did you mean {', '.join(map(repr, names))}?"
+    if "." not in name and not candidates:  # `force`: signals with this word, else the members
+        if own := [signal for signal in names if name and name in signal.partition(".")[2]]:
+            return f"{name!r} was not recorded{reason}. Did you mean {', '.join(map(repr, own[:6]))}?"
         names = [f"{signal.partition('.')[0]}.*" for signal in recorded]
     return f"{name!r} was not recorded{reason}. {nearest(name, candidates or names)}"
 

@@ -100,9 +100,9 @@ class StepFailures:
                 return  # only an iteration that was rolled back was not finite
             self._last, bad = tick, repeated or bad
         time = self._begin + tick * self.step
-        is_exact = self.watch.replays or noticed or bool(failed)
-        when = f"at t = {clock.text(time)}{'' if is_exact else ' or somewhat before'}"
-        self._raise_if_not_finite(bad, when, time=time * is_exact)
+        exact = self.watch.replays or noticed or failed
+        when = f"at t = {clock.text(time)}" + ("" if exact else " or somewhat before")
+        self._raise_if_not_finite(bad, when, time=time if exact else 0)
 
     def _raise_if_not_finite(
         self, bad: list[str], when: str, sure: bool = False, cause: Exception | None = None, time: clock.Time = 0

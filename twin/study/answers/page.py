@@ -216,9 +216,7 @@ def pictures(outcome: StudyOutcome, answers: Answers) -> dict[str, list[Plot]]:
                 if svg := plots.bands(outcome.folder, cases, name, variant, index):
                     add("Over time", f"{variant}, {name} over time", f"{note}.", svg)
     if study.design.method != "one_at_a_time":
-        note = (
-            f"Dotted: quantiles {', '.join(answers.part_names)}; dashed red: limit; red: cases in which anything fails."
-        )
+        note = f"Dotted: quantiles {', '.join(answers.part_names)}; dashed: limit; red: cases in which anything fails."
         for metric in dict.fromkeys(spread.metric for spread in first_of(answers)):
             for variant in study.variants:
                 if svg := plots.histogram(cases, metric, variant, unit(metric)):

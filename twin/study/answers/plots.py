@@ -29,6 +29,7 @@ FEW = 20  # cases: with fewer, a distribution shows each as a point
 LINES = 400  # of parallel coordinates: more are one area
 BAD, GOOD = "#b42335", "#0b62a4"
 LIMIT_LINE: dict[str, Any] = {"color": BAD, "linewidth": 1.2, "linestyle": (0, (6, 3))}
+LIMIT_NAME: dict[str, Any] = {"loc": "right", "color": BAD, "fontsize": 10}  # above the plot: it covers no point
 BANDS = (0.0, 0.05, 0.25, 0.75, 0.95, 1.0)
 
 
@@ -101,18 +102,8 @@ def scatter(cases: CaseTable, metric: str, variant: str, factor: int, unit: str)
             )
             points.set_urls([f"#case-{cases.requests[i].number}" for i in case_indices])
         for limit in limits_of(study, variant, metric):
-            height = axis.axhline((limit - offset) / scale, **LIMIT_LINE).get_ydata()[0]
-            near = varied.in_shown_unit(cases.values[own, factor][values[own] > height])  # at the end with fewer points
-            is_right = 2.0 * np.count_nonzero(near < np.mean(axis.get_xlim())) > len(near)
-            axis.annotate(
-                limit_text(study, metric, limit, unit),
-                (0.99 if is_right else 0.01, height),
-                xycoords=axis.get_yaxis_transform(),
-                xytext=(0, 2),
-                textcoords="offset points",
-                ha="right" if is_right else "left",
-                color=BAD,
-            )
+            axis.axhline((limit - offset) / scale, **LIMIT_LINE)
+        axis.set_title(limit_text(study, variant, metric, unit), **LIMIT_NAME)
         axis.set_xlabel(plotting.axis_label(varied.name, varied.shown_unit))
         axis.set_ylabel(plotting.axis_label(metric, unit))
 
@@ -135,9 +126,11 @@ def limits_of(study: Study, variant: str, metric: str) -> list[float]:
     return [limit for expectation in own for limit in (expectation.at_least, expectation.at_most) if limit is not None]
 
 
-def limit_text(study: Study, metric: str, limit: float, unit: str) -> str:
-    """Return `limit 6 mN`, of a limit in SI."""
-    return f"limit {format_value(limit, unit, is_difference=study.metrics[metric].is_difference)}"
+def limit_text(study: Study, variant: str, metric: str, unit: str) -> str:
+    """Return `limit 6 mN`, the limits of a metric of a variant; "" without any."""
+    is_difference = study.metrics[metric].is_difference
+    limits = [format_value(limit, unit, is_difference=is_difference) for limit in limits_of(study, variant, metric)]
+    return f"limit {', '.join(limits)}" if limits else ""
 
 
 def histogram(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
@@ -161,40 +154,27 @@ def histogram(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
     def paint(grid: Any) -> None:
         axis, finite_values, bad = grid[0, 0], values[own[variant]], is_bad[own[variant]]
         edges = all_edges[variant]
-        kinds = [np.minimum(part, edges[-1]) for part in (finite_values[~bad], finite_values[bad])]
         if len(finite_values) < FEW:
             order = np.argsort(finite_values)  # points side by side are at three heights
-            for kind, color in ((False, GOOD), (True, BAD)):
-                indices = np.flatnonzero(bad[order] == kind)
-                points = axis.scatter(finite_values[order[indices]], indices % 3, s=30, color=color, edgecolors="#fff")
-                points.set_urls([f"#case-{cases.requests[i].number}" for i in own[variant][order[indices]]])
-            axis.set_ylim(-1.0, 4.0)
-            axis.tick_params(axis="y", left=False, labelleft=False)
+            colors = [BAD if is_bad_case else GOOD for is_bad_case in bad[order]]
+            points = axis.scatter(finite_values[order], np.arange(len(order)) % 3, s=30, c=colors, edgecolors="#fff")
+            points.set_urls([f"#case-{cases.requests[i].number}" for i in own[variant][order]])
+            axis.set_ylim(-1.0, 3.0)
+            axis.set_yticks([])
         else:
+            kinds = [np.minimum(part, edges[-1]) for part in (finite_values[~bad], finite_values[bad])]
             axis.hist(kinds, bins=edges, color=[GOOD, BAD], stacked=True)
-            axis.set_ylim(top=1.2 * axis.get_ylim()[1])  # for the names of limits
             axis.yaxis.get_major_locator().set_params(integer=True)
             axis.set_ylabel("cases")
         for limit in limits_of(study, variant, metric):
-            x = axis.axvline((limit - offset) / factor, **LIMIT_LINE).get_xdata()[0]
-            side = (2, "left") if x < (min(ends) + max(ends)) / 2 else (-2, "right")  # towards the middle
-            axis.annotate(
-                limit_text(study, metric, limit, unit),
-                (x, 1.0),
-                xycoords=axis.get_xaxis_transform(),
-                xytext=(side[0], -2),
-                textcoords="offset points",
-                ha=side[1],
-                va="top",
-                color=BAD,
-            )
+            axis.axvline((limit - offset) / factor, **LIMIT_LINE)
+        axis.set_title(limit_text(study, variant, metric, unit), **LIMIT_NAME)
         for part in study.keys.quantiles:
             axis.axvline(
                 np.quantile(finite_values, resolved_part(part, len(finite_values))),
                 color="#1f2933",
                 linewidth=0.8,
                 linestyle=":",
-                ymax=0.83,
             )
         low, high = min(ends), max(ends)
         axis.set_xlim(low - 0.04 * (high - low), high + 0.04 * (high - low))

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 LATEST = 50  # cases by which the rate is measured: earlier ones include the start of processes, or are of another part
 LEAST = 3  # cases before a rate is given
-BUILD_SHARE = 0.1  # of the bar, for building
 REPEAT_TIME, PLOT_TIME = 3.0, 0.1  # of a case that is kept, besides its simulation, and of a plot, about [s]
 SEARCHES = {"worst": "worst-case search: ", "tune": "tuning: ", "unseen": "tuning, unseen samples: "}  # by their part
 
@@ -79,7 +78,7 @@ class ProgressReporter:
 
     def update_build(self, text: str, fraction: float) -> None:
         """Report `building (1 of 8) heart` from `building heart (1 of 8)`: a narrow terminal cuts the name."""
-        self.fraction = BUILD_SHARE * fraction
+        self.fraction = 0.1 * fraction  # of the bar
         name, bracket, count = text.removeprefix("building ").partition(" (")
         self.update(f"building{bracket}{count} {name}")
 

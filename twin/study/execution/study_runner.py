@@ -172,8 +172,7 @@ def run_study(
         outcome = StudyOutcome(study, folder, cases_so_far, "completed", engine=engine, begin=start_time)
         outcome.before, requests = len(journal.rows), list[StudyRequest]()
         reporter = ProgressReporter(journal, study.total, listen)
-        if report:
-            reporter.finishing = partial(finishing_time, study)
+        reporter.finishing = partial(finishing_time, study) if report else reporter.finishing
         reporter.folder = folder
         outcome.seconds_before = manifest_data.get("seconds", 0.0)
         outcome.runs = {
@@ -201,7 +200,6 @@ def run_study(
         except OSError as error:
             raise SimulationError(unwritten(folder, len(journal.rows), error)) from error
         outcome.cases = case_table.finished_cases(study, requests or list(study.requests()), journal)
-        outcome.take_time()
         finish(outcome, journal, {**manifest_data, **progress_entries(outcome)}, build, stop, report, reporter)
         outcome.take_time()
         seconds = outcome.seconds_before + outcome.seconds
