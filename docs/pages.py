@@ -142,7 +142,10 @@ def with_keys(text: str) -> str:
         parts = [before] * bool(before)
         for section in sections:
             parts += [f"**{section}**"] * (len(sections) > 1)
-            parts.append(table(head[1:], [(f"`{key}`", *rest) for own, key, *rest in rows if own == section]))
+            own_rows = [(f"`{key}`", *rest) for own, key, *rest in rows if own == section]
+            if head[-1] == "example":
+                own_rows = [(*rest, f"`{example}`") for *rest, example in own_rows]
+            parts.append(table(head[1:], own_rows))
         return "\n\n".join(parts)
 
     return KEYS.sub(tables, text)

@@ -127,7 +127,13 @@ def test_the_table_of_python_names_is_that_of_the_package():
     classes = {"scenario": twin.Scenario, "run": twin.Run, "system": twin.System, "simulation": twin.Simulation}
     classes["study"] = twin.StudyResult
     with (ROOT / "docs" / "data" / "python_names.csv").open(newline="") as file:
-        rows = [row["name"] for row in csv.DictReader(file)]
+        full_rows = list(csv.DictReader(file))
+    rows = [row["name"] for row in full_rows]
+    for row in full_rows:  # an example of each, with its name
+        nodes = list(ast.walk(ast.parse(row["example"])))
+        used = {node.attr for node in nodes if isinstance(node, ast.Attribute)}
+        names = set(re.findall(r"\.(\w+)", re.split(r"[(\[]", row["name"])[0]))
+        assert names & used or (not names and any(isinstance(node, ast.Subscript) for node in nodes)), row
     listed = defaultdict(set)
     for text in rows:
         if call := re.fullmatch(r"(\w+)\.(\w+)\((.*)\)", text):
@@ -140,6 +146,6 @@ def test_the_table_of_python_names_is_that_of_the_package():
         elif attributes := re.fullmatch(r"(\w+)\.(\w+(?:, \.\w+)*)", text):
             listed[attributes[1]] |= set(attributes[2].split(", ."))
     for name, cls in classes.items():
-        assert {one for one in vars(cls) if not one.startswith("_")} - {"expectations"} <= listed[name]  # a former name
+        assert {one for one in vars(cls) if not one.startswith("_")} <= listed[name]
         missing = [one for one in listed[name] if not hasattr(cls, one) and f"self.{one}" not in inspect.getsource(cls)]
         assert not missing, name

@@ -6,7 +6,8 @@
     with twin.live("heart_wall_force", "PI") as simulation:
         simulation.advance("5 s"); simulation["controller.setpoint"] = "0.3 N"
 
-What the command line does, as objects; `twin.face` has them. Nothing is imported before it is used.
+Functions: run, live, load, study, open_run, open_study, follow, simulate, export; `help(twin.run)` tells the arguments.
+Classes: Run, Scenario, Simulation, StudyResult, System, TwinError. The packages below are the engine; you need none of them.
 """
 
 import typing as _typing  # private names: completion in an editor shows the others

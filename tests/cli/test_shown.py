@@ -182,7 +182,6 @@ def study_outcome():
         cases=SimpleNamespace(rows=[0] * 30),
         before=10,
         seconds=4.0,
-        report_seconds=3.0,
         worst=None,
         tuned=None,
     )
@@ -232,28 +231,28 @@ def test_results_of_a_study(capsys, monkeypatch):
             0,
             [1.0],
             {},
-            "PASS 30 cases, 20 of them now in 4 s, of which 1 s for the cases. Report: runs/a/1/r.html  Look: twin run --case a:5",
+            "PASS 30 cases, 20 of them now in 4 s. Report: runs/a/1/r.html  Look: twin run --case a:5",
         ),
         (
             "completed",
             0,
             [0.5],
             {7: "x"},
-            "DONE 30 cases, 20 of them now in 4 s, of which 1 s for the cases. Report: runs/a/1/r.html  Look: twin view a:7",
+            "DONE 30 cases, 20 of them now in 4 s. Report: runs/a/1/r.html  Look: twin view a:7",
         ),
         (
             "completed",
             2,
             [1.0],
             {},
-            "FAIL 30 cases, 20 of them now in 4 s, of which 1 s for the cases. Report: runs/a/1/r.html  Look: twin run --case a:5",
+            "FAIL 30 cases, 20 of them now in 4 s. Report: runs/a/1/r.html  Look: twin run --case a:5",
         ),
         (
             "interrupted",
             0,
             [],
             {},
-            "INTERRUPTED 30 of 80 cases, 20 of them now in 4 s, of which 1 s for the cases. Report: runs/a/1/r.html  Look: twin run --case a:5",
+            "INTERRUPTED 30 of 80 cases, 20 of them now in 4 s. Report: runs/a/1/r.html  Look: twin run --case a:5",
         ),
     ],
 )
@@ -276,10 +275,10 @@ def test_a_narrow_terminal_does_not_break_names_of_metrics():
 
 
 def test_progress_of_a_study(capsys):
-    """A line each ten seconds, and one at the end; once where the report so far is."""
+    """A line each ten seconds, and one at the end."""
     made = [
-        StudyProgress("sample", done, 4, 2, float("nan"), left, report, 1)
-        for done, left, report in ((0, 89.4, None), (1, 90.0, "r.html"), (4, 0.0, "r.html"), (1, float("nan"), None))
+        StudyProgress("sample", done, 4, 2, float("nan"), left, 1)
+        for done, left in ((0, 89.4), (1, 90.0), (4, 0.0), (1, float("nan")))
     ]
     fails = "1 fails a requirement, 2 did not finish"
     assert [progress_text(one) for one in made] == [
@@ -303,7 +302,7 @@ def test_progress_of_a_study(capsys):
         display.update(one)
     for phase in ("keeping case 3 (1 of 2)", "keeping case 4 (2 of 2)", "drawing the plots"):
         display.update(dataclasses.replace(made[2], phase=phase, folder=Path("runs/a")))
-    shown = [progress_text(made[0]), "report so far: r.html", progress_text(made[2])]
+    shown = [progress_text(made[0]), progress_text(made[2])]
     shown += ["results: runs/a/report.html", "4 of 4 cases; keeping case 3 (1 of 2)", "4 of 4 cases; drawing the plots"]
     assert capsys.readouterr().err.splitlines() == shown
 

@@ -148,10 +148,23 @@ def test_what_was_not_finite_for_a_while_is_found_in_the_recording():
     assert watch.spell([(time, clean)]) == ""
     late = {"a.y": np.array([0.0, 0.0, NAN]), "b.v": np.zeros((3, 2, 2))}
     late["b.v"][1, 0, 1] = INF
-    expected = f"b.v was not finite at t = 0.4 s, and later was again. {REMEDY}"
+    expected = f"b.v was not finite at t = 0.4 s, and later was again. {LINE_NOTE}{REMEDY}"
     assert watch.spell([(time, clean), (time + 0.3, late), (time + 0.6, late)]) == expected
     assert watch.spell([(time, {"other.y": np.full(3, NAN)})]) == ""
     assert monitor(exempt=["b"]).spell([(time, late)]).startswith("a.y was not finite at t = 0.2 s")
+
+
+def test_the_step_of_a_member_that_gave_a_value_is_named():
+    """A controller with a period of 5 ms that divides by zero at 0 s was said to be infinite at 1 ms."""
+    watch = monitor(a_y=INF)
+    watch.periods = {"a": 5_000_000, "b": 5_000_000}
+    first = "a.y is inf at t = 1 ms (in its step from 0 s to 5 ms), with finite inputs"
+    assert watch.described(["a"], "at t = 1 ms", 1_000_000).startswith(first)
+    assert "step" not in watch.described(["a"], "at t = 1 ms or somewhat before").partition(",")[0]
+    recorded = {"b.v": np.zeros((3, 2, 2))}
+    recorded["b.v"][1] = INF
+    text = watch.spell([(np.array([1.0, 1.005, 1.01]), recorded)])
+    assert text.startswith("b.v was not finite at t = 1.005 s (in its step from 1 s to 1.005 s), and later was again.")
 
 
 class Reader:

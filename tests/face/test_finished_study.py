@@ -62,7 +62,6 @@ def test_its_answers(study):
     assert study.answers["cases"] == 6
     assert "100 %" in study._repr_html_()
     assert "<th class=text>requirement</th>" in study._repr_html_()
-    assert study.expectations.equals(study.requirements)  # the former name
     assert repr(study) == f"<StudyResult {study.folder}: Gains; completed, 6 cases, 0 did not finish>"
 
 

@@ -400,7 +400,12 @@ def test_patterns_leave_out_internal_states(tmp_path):
     assert list(run.to_dataframe("sensor.*")) == [*columns, *visible]
     assert list(run["sensor.*"].data_vars) == visible
     assert list(run.to_dataframe("sensor.head", "sensor.str*"))[3:5] == ["sensor.head", "sensor.stream[1]"]
-    assert len(run.to_dataframe().columns) == len(columns) + 41
+    assert list(run.to_dataframe()) == [*columns, *visible]  # one rule; it had 41 columns
+    assert list(run.signals) == visible
+    with pytest.raises(UnknownNameError, match=r"'force' was not recorded\. Did you mean 'sensor\.measured_force'\?"):
+        run["force"]
+    with pytest.raises(UnknownNameError, match=r"'nothing' was not recorded\. Known: sensor\.\*\."):
+        run["nothing"]
     assert len(run.compare(run, "sensor.*").signals) == 5
     (folder / "scenario.yaml").write_text(text.format('"no.such.module:Sensor"'))
     assert len(open_run(folder)["sensor.*"].data_vars) == 5

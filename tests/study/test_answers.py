@@ -505,6 +505,10 @@ def test_a_study_is_checked_and_its_time_estimated(tmp_path, build):
     done = CliRunner().invoke(group, words)
     assert done.exit_code == 0, done.output
     assert re.search(r"^ *plain +6 +\S+ s$", done.output, re.MULTILINE), done.output
-    assert re.search(r"^About \S+ (s|min) with 2 processes, of which ", done.output, re.MULTILINE)
+    assert re.search(
+        r"^In all \S+ (s|min) with 2 processes: .* to begin, .* for the cases, .* for the report\.",
+        done.output,
+        re.MULTILINE,
+    )
     assert "Seeds of the noise come from the file's name: a copy not named patients.yaml has others" in done.output
     assert not (tmp_path / "runs").exists()

@@ -56,12 +56,14 @@ def test_a_study_is_watched_while_it_runs(study, build, tmp_path, monkeypatch):
     seen = []
 
     def listen(progress):
-        if progress.report is not None:
-            seen.append((progress.done, progress.report.read_text(), progress.report.parent))
+        page = progress.folder / "report.html"  # from the first second: it was there after 15 s, or the last case
+        seen.append((progress.done, page.read_text(), progress.folder))
 
     outcome = run_study(study, root=tmp_path, build=build, workers=1, listen=listen)
-    done, text, folder = seen[1]
-    pattern = rf"As of [\d:]+, (\d+) of {study.count} cases\."
+    pattern = rf"As of [\d:]+, (\d+) of {study.count} cases[.:]"
+    assert seen[0][0] == 0
+    assert f"0 of {study.count} cases: starting." in seen[0][1]
+    done, text, folder = next(each for each in seen if each[0] > 1)
     assert 0 < int(re.search(pattern, text)[1]) <= done
     assert any(re.search(pattern, page) and re.search(pattern, page)[1] == "12" for _, page, _ in seen)  # the last one
     assert 'http-equiv="refresh"' in text

@@ -94,7 +94,7 @@ def test_parallel_coordinates_scale_each_factor_to_its_span(study, drawn):
     )  # of a picture 720 px wide on a phone
     assert ends[:2] == [f"{values[:, 0].min():.3g}", f"{values[:, 0].max():.3g}"]
     names = [one.get_text() for one in axis.get_xticklabels()]
-    assert names == ["heart.rate [1/min]", "heart.scale", "bent end [x]", "force_max [mN]"]
+    assert names == ["heart.rate [/min]", "heart.scale", "bent end [x]", "force_max [mN]"]
 
 
 def test_points_and_lines_lead_to_their_cases(study, drawn):
@@ -105,7 +105,7 @@ def test_points_and_lines_lead_to_their_cases(study, drawn):
     assert bad.get_urls() == [f"#case-{numbers[2]}"]  # the sixth has no value
     assert np.allclose(good.get_offsets(), np.column_stack([cases.values[[0, 1, 3, 4], 1], [20.0, 40.0, 60.0, 80.0]]))
     (axis_of_rate,) = plots.scatter(cases, "force_max", "plain", 0, "mN")
-    assert axis_of_rate.get_xlabel() == "heart.rate [1/min]"
+    assert axis_of_rate.get_xlabel() == "heart.rate [/min]"  # as after a number
     assert np.allclose(axis_of_rate.collections[0].get_offsets()[:, 0], 60.0 * cases.values[[0, 1, 3, 4], 0])
     assert (axis.get_ylabel(), axis.lines[0].get_ydata()[0]) == ("force_max [mN]", pytest.approx(90.0))
     (axis,) = plots.parallel(cases, "force_max", "plain", "mN")
@@ -131,7 +131,7 @@ def test_of_many_cases_some_lines_and_all_failures_are_shown(study, drawn, monke
     assert colors == [plots.tint(plots.GOOD, 0.8)] * 2 + [plots.BAD] * 2
 
 
-def test_a_difference_of_temperatures_has_no_offset(study, tmp_path, drawn):
+def test_a_difference_of_temperatures_has_no_offset(study, tmp_path, drawn, monkeypatch):
     """A standard deviation of 0.02 K is 0.02 degC, not -273.13 degC."""
     metrics = study.scenario.metrics
     metrics["force_max"] = replace(metrics["force_max"], reduce="std", unit="degC")
@@ -140,6 +140,7 @@ def test_a_difference_of_temperatures_has_no_offset(study, tmp_path, drawn):
     assert np.allclose(axis.collections[0].get_offsets()[:, 1], [0.02, 0.04, 0.06, 0.08])
     (axis,) = plots.parallel(cases, "force_max", "plain", "degC")
     assert [one.get_text() for one in axis.texts][-2:] == ["0.02", "0.1"]
+    monkeypatch.setattr(plots, "FEW", 1)
     (axis,) = plots.histogram(cases, "force_max", "plain", "degC")
     assert axis.containers[0][0].get_x() == pytest.approx(0.02)
     (axis,) = plots.tuning_history(Tuned([Trial((1.0,), 0.5, (), "sample", 0)], None, [], 9), "degC", "std", True)
@@ -147,7 +148,24 @@ def test_a_difference_of_temperatures_has_no_offset(study, tmp_path, drawn):
 
 
 @pytest.mark.slow
-def test_histograms_count_all_cases_with_a_value(study, drawn):
+def test_few_cases_are_points(study, drawn):
+    """They were bars of one pixel, and the name of the limit covered one."""
+    numbers = [one.number for one in study.requests()]
+    (axis,) = plots.histogram(cases_of(study, [*FORCES[:5], 0.02]), "force_max", "plain", "mN")
+    (points,) = axis.collections
+    assert list(points.get_offsets()[:, 0]) == pytest.approx([20.0, 20.0, 40.0, 60.0, 80.0, 100.0])
+    assert (
+        len({tuple(one) for one in points.get_facecolors()[:5]})
+        == 1
+        != len({tuple(one) for one in points.get_facecolors()})
+    )
+    assert points.get_urls()[-1] == f"#case-{numbers[2]}"
+    assert len(set(points.get_offsets()[:2, 1])) == 2  # equal values are at two heights
+    assert (axis.containers, axis.get_title("right"), list(axis.texts)) == ([], "limit 90 mN", [])  # above the plot
+
+
+def test_histograms_count_all_cases_with_a_value(study, drawn, monkeypatch):
+    monkeypatch.setattr(plots, "FEW", 1)
     cases = cases_of(study, [*FORCES[:5], 0.02])
     (axis,) = plots.histogram(cases, "force_max", "plain", "mN")
     good, all_of_them = axis.containers
@@ -162,7 +180,7 @@ def test_histograms_count_all_cases_with_a_value(study, drawn):
     lines = {round(line.get_xdata()[0], 6): color(line) for line in axis.lines}
     assert lines.pop(90.0) == plots.BAD  # the limit, dashed as its note says, and labeled
     assert [line.get_linestyle() for line in axis.lines if line.get_xdata()[0] == pytest.approx(90.0)] == ["--"]
-    assert [text.get_text() for text in axis.texts] == ["limit 90 mN"]
+    assert axis.get_title("right") == "limit 90 mN"
     assert sorted(lines) == pytest.approx([20.0, 50.0, 100.0])  # smallest, median, largest of six
     assert axis.get_xlabel() == "force_max [mN]"
     assert plots.histogram(cases_of(study, [None] * 6), "force_max", "plain", "mN") == ""
@@ -174,7 +192,8 @@ def test_histograms_count_all_cases_with_a_value(study, drawn):
 
 
 @every_case(("soft", "shared"), [([0.3, 0.4, 0.5], False), ([0.003, 0.05, 0.5], True)])
-def test_histograms_of_variants_have_a_common_axis(tmp_path, drawn, soft, shared):
+def test_histograms_of_variants_have_a_common_axis(tmp_path, drawn, monkeypatch, soft, shared):
+    monkeypatch.setattr(plots, "FEW", 1)
     study = load_study(study_file(tmp_path, STUDY.replace("count: 6", "count: 3")))
     values = {"plain": [0.001, 0.004, 0.005], "soft": soft}
     rows = [
@@ -345,7 +364,7 @@ def test_the_table_of_variants_has_medians_and_pass_rates(tmp_path):
     ]
     assert [row["command"] for row in listed["rows"][1:]] == ["twin run --case runs/a/1:1", "twin view runs/a/1:3"]
     assert [head[:2] for head in listed["columns"]] == [
-        ("heart.rate", "1/min"),
+        ("heart.rate", "/min"),
         ("heart.scale", ""),
         ("bent end", "x"),
         ("force_max", "mN"),

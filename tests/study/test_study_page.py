@@ -44,7 +44,7 @@ def test_a_narrow_screen_scrolls_tables_and_plots_with_legible_letters(browser, 
         assert not shown.locator(f"#{section} th").first.is_visible()
     title = "cell => getComputedStyle(cell, '::before').content"
     cells = shown.locator("#cases tbody tr:first-child td")
-    assert [cells.nth(k).evaluate(title) for k in (0, 1, 3)] == ['"Case"', '"Verdict"', '"heart.rate 1/min"']
+    assert [cells.nth(k).evaluate(title) for k in (0, 1, 3)] == ['"Case"', '"Verdict"', '"heart.rate /min"']
     plot, wide = (
         shown.locator(f"#pictures details:first-of-type figure{kind}").first for kind in (":not(.wide)", ".wide")
     )
@@ -81,15 +81,24 @@ def test_a_linked_row_is_marked_and_its_command_copied(browser, report):  # noqa
     facts = shown.locator(".facts div").all_inner_texts()
     assert facts[0].split("\n")[0] == "24"
     assert facts[0].split("\n")[1:] == ["cases: 2 variants of each sample"]
-    numbers = [int(text.split()[0]) for text in shown.locator("#cases tbody td:first-child").all_inner_texts()]
+    numbers = [
+        int(re.match(r"\d+", text)[0]) for text in shown.locator("#cases tbody td:first-child").all_text_contents()
+    ]
     assert numbers[:8] == [3, 6, 9, 12, 15, 18, 21, 24]  # failures first
+    rows, more = shown.locator("#cases tbody tr:visible"), shown.locator("#cases .more")
+    assert (rows.count(), more.inner_text()) == (20, "Show all 24 rows")  # whole ones, without a box that scrolls
+    more.click()
+    assert (rows.count(), more.is_visible()) == (24, False)
+    assert shown.locator("#cases .scroll").evaluate("box => box.scrollHeight <= box.clientHeight + 1")
+    order = shown.locator("header, section").evaluate_all("all => all.map(one => one.id)")
+    assert order[:3] == ["", "clusters", "factors"]  # failures directly below the answer
     figure = shown.locator("figure", has=shown.locator("a")).first
     link = figure.locator("a").first
     case = link.get_attribute("xlink:href")[6:]
     link.dispatch_event("click")
     picked = figure.locator(".picked").inner_text()
     cells = shown.locator(f"#case-{case} td.number").all_inner_texts()
-    assert picked.startswith(f"Case {case}: heart.rate ")
+    assert picked.startswith(f"Case {case}: force_max ")  # the first plot is of this metric alone
     facts, command = picked.split("\n")[:2]
     assert not re.search(r"^;|\n;|; ;|;$", facts)
     assert command == f"twin run --case {report.parent}:{case}"  # one unbroken line
@@ -97,15 +106,14 @@ def test_a_linked_row_is_marked_and_its_command_copied(browser, report):  # noqa
     first = (int(case) - 1) // 2 * 2 + 1  # the sample has a case of each variant
     marked = shown.locator("#pictures a.marked").evaluate_all("all => all.map(a => a.getAttribute('xlink:href'))")
     assert set(marked) == {f"#case-{first}", f"#case-{first + 1}"}
-    assert len(marked) == 2 * 2 * (3 + 1)  # metrics, variants, scatter plots and parallel axes
+    assert len(marked) == 2 * 2 * (1 + 3 + 1)  # metrics, variants, distribution, scatter plots and parallel axes
     assert f"with case {first + (int(case) == first)} of the same sample" in facts
-    assert picked.split(";")[0].count(", ") + 1 >= 2  # the values of what the plot shows
     assert any(f" {text}" in picked for text in cells)
     assert shown.locator("#cases th").all_inner_texts()[:6] == [
         "Case",
         "Verdict",
         "Variant",
-        "heart.rate\n1/min",
+        "heart.rate\n/min",
         "heart.scale",
         "bent end\nx",
     ]

@@ -228,7 +228,7 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
         ("4", "cases: 2 variants of each sample"),
         ("6", "samples, latin hypercube"),
         ("1", "did not finish"),
-        ("12.3 s", "for the cases, 3 processes; keeping cases and this report come after"),
+        ("12.3 s", "wall time, from building to report; 3 processes"),
     ]
     rows = [cells(row) for row in re.findall("<tr.*?</tr>", text, re.DOTALL)]
     first, second, third, last = rows[-4:]
@@ -239,7 +239,8 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
     assert f'data-command="twin run --case {tmp_path}:3"' in text
     assert "did not finish: lost" in second
     assert (tmp_path / page.PAGE).read_text().count("navigator.clipboard.writeText") == 1
-    assert rows[:4] == [  # first of all, what was varied
+    assert rows[0] == "What fails Variant Cases Factors that differ Example"  # then what was varied
+    assert rows[3:7] == [
         "Factor Variables Distribution Range in the cases Source",
         *(
             " ".join(one[key] for key in ("name", "targets", "kind", "span", "source"))
@@ -256,7 +257,10 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
             *(f"parallel {metric} {variant}" for variant in ("plain", "soft")),
         )
     ]
-    passed, missed = text.split("at 100 %</summary>")[1], text[text.index('id="shares"') :].split("at 100 %")[0]
+    passed, missed = (
+        text.split("with their variants</summary>")[1],
+        text[text.index('id="shares"') :].split("rows of 100 %")[0],
+    )
     assert ("<td>gentle</td><td>plain</td>" in passed, "<td>gentle</td><td>soft</td>" in missed) == (True, True)
     assert "<td>gentle</td><td>plain</td>" not in missed
     assert 'id="worst"' not in text
@@ -276,15 +280,14 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
         ("gentle", "soft", 0, 0.0, [2, 4]),
     ]
     assert [(one["what"], one["cases"]) for one in answers["clusters"]] == [("gentle", [2]), ("lost", [4])]
-    (tmp_path / page.PAGE).unlink()
-    write_report(outcome_of(study, tmp_path, ()))
-    assert not (tmp_path / page.PAGE).exists()
+    write_report(outcome_of(study, tmp_path, (), "running"), PlotSet())
+    assert "0 of 12 cases: starting. This page reloads itself." in (tmp_path / page.PAGE).read_text()
 
 
 @every_case(
     ("status", "top"),
     [
-        ("running", r"As of \d\d:\d\d:\d\d, 3 of 12 cases\. This page reloads itself; plots follow\."),
+        ("running", r"As of \d\d:\d\d:\d\d, 3 of 12 cases\. This page reloads itself\."),
         (
             "interrupted",
             r"3 of 12 cases finished\. Continue \(this page follows within a minute\): twin study patients\.yaml --resume Copy",
@@ -298,7 +301,7 @@ def test_a_page_before_the_end_says_how_far_it_is(tmp_path, status, top):
     write_report(outcome, PlotSet())
     text = cells((tmp_path / page.PAGE).read_text().partition("<header>")[2])
     assert re.search(top, text)
-    seconds = {"running": 15, "interrupted": 60}[status]  # it notices --resume
+    seconds = {"running": 3, "interrupted": 60}[status]  # it notices --resume
     assert f'<meta http-equiv="refresh" content="{seconds}">' in (tmp_path / page.PAGE).read_text()
     assert "No requirement fails in the 3 of 12 cases that are done." in text
     assert "3 of 12 cases: 2 variants of each sample 6 samples planned" in text

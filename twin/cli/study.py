@@ -28,7 +28,6 @@ SAME_SIGNAL = 1.0  # further signals in this time are of the same request: of a 
 CLEAR_LINE, SHOW_CURSOR = "\r\033[K", "\033[?25h"
 LINE_INTERVAL = 10.0  # between two progress lines without a bar [s]
 NOTHING = "nothing is finished, nothing is written"  # before the first case
-REPEAT_TIME = 2.0  # of a case that is kept, with its report, besides its simulation, about [s]
 WORST = "worst case"  # title of a column
 MAX_FAILURES = 8  # groups of failed cases that are listed
 
@@ -183,8 +182,6 @@ def fails_gate(rates: list[tuple[str, str, float]], required: float) -> bool:
 class StudyDisplay(ProgressBar):
     """Progress of a study: a bar on a terminal, a line every 10 s elsewhere; both on stderr."""
 
-    has_report = False
-
     def __init__(self, title: str, resume: str, file_name: str = "report.html") -> None:
         super().__init__(title)
         self.resume = resume  # command that continues the study
@@ -209,13 +206,10 @@ class StudyDisplay(ProgressBar):
         if self.folder is None and progress.folder is not None:
             self.folder = progress.folder
             say(f"results: {self.folder / self.file_name}", err=True)
-        if progress.report is not None and not self.has_report:
-            self.has_report = True
-            say(f"report so far: {progress.report}", err=True)
         text = progress_text(progress)
         if progress.done:
             self.summary = f"{progress.done} of {progress.count} cases are kept"
-        self.show(text, progress.done / max(progress.count, 1))
+        self.show(text, progress.fraction)
         is_end = progress.done == progress.count and not progress.phase
         before, self.phase = self.phase, progress.phase.partition(" ")[0]
         is_new = self.phase not in ("", before)
@@ -253,19 +247,17 @@ def show_estimate(study: Study, estimate: TimeEstimate) -> None:
     show_table(["variant", "cases", "time of a case"], rows, 1)
     for why in estimate.failures:
         say(f"did not finish: {why}")
-    from twin.study import duration_text
+    from twin.study import duration_text, finishing_time
 
-    keep = study.keys.keep
-    count = keep.failed + keep.worst * len(study.metrics) * len(study.variants)
-    seconds = count * (REPEAT_TIME + max(estimate.seconds.values()))
-    keeping = (
-        f", and keeping up to {count} case{'s' * (count > 1)} with all signals, up to {duration_text(seconds)}"
-        * bool(count)
-    )
-    processes = f"{estimate.workers} process{'es' * (estimate.workers > 1)}"
+    case, keep = max(estimate.seconds.values()), min(study.keys.keep.failed, study.count)
+    least, most = (finishing_time(study, failing, case) for failing in (0, study.count))
+    first = estimate.preparation + estimate.cases
+    ends = [duration_text(first + end) for end in (least, most)]
+    keeping = f", up to {duration_text(most - least)} to run {keep} cases that fail again with all signals" * bool(keep)
     say(
-        f"About {duration_text(estimate.total)} with {processes}, of which {duration_text(estimate.preparation)} to begin; "
-        f"not included: the report, 10 s or more{keeping}."
+        f"In all {' to '.join(dict.fromkeys(ends))} with {estimate.workers} process{'es' * (estimate.workers > 1)}: "
+        f"{duration_text(estimate.preparation)} to begin, {duration_text(estimate.cases)} for the cases, "
+        f"{duration_text(least)} for the report{keeping}."
     )
 
 
@@ -334,8 +326,7 @@ def show_verdict(
     seconds = f"{outcome.seconds:.3g} s" if outcome.seconds < 100 else f"{outcome.seconds:.0f} s"
     of_total = f" of {outcome.study.total}" if outcome.status == "interrupted" else ""
     now = f", {count - outcome.before} of them now" if outcome.before else ""
-    parts = f", of which {outcome.seconds - outcome.report_seconds:.3g} s for the cases" * bool(outcome.report_seconds)
-    show_outcome(word, f"{count}{of_total} cases{now} in {seconds}{parts}.", outcome.folder / file, look)
+    show_outcome(word, f"{count}{of_total} cases{now} in {seconds}.", outcome.folder / file, look)
 
 
 def show_distributions(answers: Answers, console: Console) -> None:

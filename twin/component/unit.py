@@ -207,6 +207,12 @@ def shown(unit: str) -> str:
     return unit.partition(" {")[0]
 
 
+def label(unit: str) -> str:
+    """A unit as it stands after a number, in a title and on an axis: `/min` for `1/min`."""
+    text = shown(unit)
+    return text.removeprefix("1") if text.startswith("1/") or text == "1" else text
+
+
 def declaration(role: str, name: str, shape: tuple[int, ...], symbol: str, description: str) -> str:
     """A variable in one line: `<output position[3] [m]: tip of the catheter>`."""
     size = f"[{','.join(map(str, shape))}]" if shape else ""

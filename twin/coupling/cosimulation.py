@@ -111,6 +111,7 @@ class CoSimulation(StepFailures):
         self.finished = False
         self.recorder: Recorder = recorder or MemoryRecorder()
         self.watch = FiniteValueMonitor(members, links, exempt)
+        self.watch.periods = {name: self.periods[name] for name in self._slow}
         self.notes = self.algorithm.remarks(self._corrected)
         self._last: int | None = None  # tick of the last valid row
         self._last_check = 0.0  # wall-clock time of the last check for finite values [s]

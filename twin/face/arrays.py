@@ -141,8 +141,9 @@ def metrics(summary: Mapping[str, Any]) -> MetricTable:
 
 
 def requirements(summary: Mapping[str, Any]) -> MetricTable:
-    """Return a row for each requirement."""
-    return table([[each[key] for key in REQUIREMENTS] for each in summary["expectations"]], REQUIREMENTS)
+    """Return a row for each requirement: those that fail, that are met, that are not judged."""
+    ordered = sorted(summary["expectations"], key=lambda each: ("fail", "pass", "skipped").index(each["verdict"]))
+    return table([[each[key] for key in REQUIREMENTS] for each in ordered], REQUIREMENTS)
 
 
 def table(rows: Sequence[Any], columns: Sequence[str] | None = None) -> MetricTable:

@@ -128,8 +128,8 @@ class Run(SignalPlots):
 
     @cached_property
     def signals(self) -> xr.Dataset:
-        """All signals over time x variant x seed (x elements), units in `.attrs["units"]`; `run[name]` reads one alone."""
-        variables = list(self._recorded.values())
+        """All signals but internal states over time x variant x seed (x elements), units in `.attrs["units"]`; also `run[name]`."""
+        variables = self._matching(["*"])
         return arrays.dataset(variables, read_variables(self._signals, variables), self.variants, self.seeds)
 
     @property
@@ -141,8 +141,6 @@ class Run(SignalPlots):
     def requirements(self) -> pd.DataFrame:
         """Columns name, verdict (pass, fail or skipped: not judged), detail."""
         return arrays.requirements(self.summary)
-
-    expectations = requirements  # the former name
 
     @property
     def report(self) -> Path:
@@ -258,9 +256,9 @@ class Run(SignalPlots):
     def to_dataframe(self, *patterns: str | Sequence[str]) -> pd.DataFrame:
         """Return all samples: columns `variant`, `seed`, `time` [s], and one for each scalar; units in `.attrs["units"]`.
 
-        `patterns`: names or patterns of variables, such as `sensor.*`, which leave out internal states; all by default.
+        `patterns`: names or patterns of variables; `*` by default. As `signals`, patterns leave out internal states.
         """
-        return arrays.samples(self._signals, self._matching(patterns))
+        return arrays.samples(self._signals, self._matching(patterns or ["*"]))
 
     def _matching(self, patterns: Sequence[str | Sequence[str]]) -> list[RecordedVariable]:
         """Return the variables with these names or patterns, all without any; UnknownNameError if there is none of one."""

@@ -55,7 +55,7 @@ def study(
             build=Path(build),
             workers=workers,
             resume=folder,
-            listen=lambda now: report_progress(progress_text(now), now.done / max(now.count, 1)),
+            listen=lambda now: report_progress(progress_text(now), now.fraction),
             command="twin.study",
         )
     if not outcome.cases.rows:
@@ -177,8 +177,6 @@ class StudyResult:
         names |= {"low": "low", "high": "high", "failing": "failing cases"}
         rows = [{names[key]: share[key] for key in names} for share in self.answers["expectations"]]
         return arrays.table(rows, list(names.values()))
-
-    expectations = requirements  # the former name
 
     def worst_case(self, metric: str, variant: str | None = None) -> int:
         """Return the number of the case with the largest magnitude of a metric, of the samples of a variant or of all."""

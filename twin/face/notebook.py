@@ -36,9 +36,9 @@ STYLE = """<style>
 .twin table { border-collapse: collapse; margin: 8px 0; font-variant-numeric: tabular-nums; }
 .twin th, .twin td { padding: 3px 10px 3px 0; text-align: left; vertical-align: top; border: 0; border-bottom: 1px solid #8884;
   background: none; }
-.twin .number, .twin .paper { text-align: right; white-space: nowrap; }
+.twin .number, .twin .ratio { text-align: right; white-space: nowrap; }
 @container (max-width: 560px) {
-  .twin table { font-size: .85em; } .twin th, .twin td { padding-right: 6px; } .twin th.paper, .twin td.paper { display: none; }
+  .twin table { font-size: .85em; } .twin th, .twin td { padding-right: 6px; } .twin th.ratio, .twin td.ratio { display: none; }
   .twin td.detail { overflow-wrap: anywhere; }
 }
 .twin b.pass { color: #2a9d6f; } .twin b.fail, .twin b.none { color: #e0525f; } .twin b.other, .twin b.cut { color: #d08a1d; }
@@ -193,7 +193,7 @@ def metric_table(rows: Iterable[Mapping[str, str]]) -> str:
         texts = [title * (row["metric"] != last), escape(row["variant"]), *(escape(row[key]) for key in keys)]
         cells.append([*texts, verdict(row["verdict"])])
         last = row["metric"]
-    kinds = {"mean": "number", "paper": "paper", "ratio": "number"}  # without room, the ratio suffices
+    kinds = {"mean": "number", "paper": "number", "ratio": "ratio"}  # without room, both values suffice
     titles = {"metric": "text", "variant": "text", **{key: kinds[key] for key in keys}, "verdict": "text"}
     return table(titles, cells)
 

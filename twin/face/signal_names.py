@@ -46,8 +46,11 @@ def describe_unknown(
         return (
             f"{name!r} is a member. Name a signal of it, such as {', '.join(map(repr, own[:3]))}, or all: '{name}.*'."
         )
-    patterns = [] if "." in name else [f"{signal.partition('.')[0]}.*" for signal in names]
-    return f"{name!r} was not recorded{reason}. {nearest(name, [*(candidates or names), *patterns])}"
+    if "." not in name and not candidates:  # `force`: signals with this word, else the members
+        if own := [signal for signal in names if name and name in signal.partition(".")[2]]:
+            return f"{name!r} was not recorded{reason}. Did you mean {', '.join(map(repr, own[:6]))}?"
+        names = [f"{signal.partition('.')[0]}.*" for signal in recorded]
+    return f"{name!r} was not recorded{reason}. {nearest(name, candidates or names)}"
 
 
 def find_variable(name: str, recorded: Mapping[str, RecordedVariable], where: str) -> RecordedVariable:

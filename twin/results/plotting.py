@@ -104,7 +104,7 @@ def set_integer_ticks(axis: Any, kinds: set[str]) -> None:
 
 def axis_label(label: str, unit: str) -> str:
     """Format the label of an axis: `force [N]`."""
-    unit = units.shown(unit)
+    unit = units.label(unit)
     return f"{label} [{unit}]" if label and unit else label or unit
 
 

@@ -240,7 +240,7 @@ def case_settings(scenario: ScenarioSpec, variant: str) -> tuple[dict[str, str],
     rows = parameter_rows([case], resolve_catalogs(scenario))
     for row in rows:
         name = f"{row.member}.{row.name}"
-        shown, value = range_unit(scenario, name), f"{row.value} {label(row.unit)}".rstrip()
+        shown, value = range_unit(scenario, name), f"{row.value} {units.label(row.unit)}".rstrip()
         texts[name] = in_unit(float(row.value), row.unit, shown) if shown and row.unit != spelled(shown) else value
     return texts, {f"{row.member}.{row.name}": row.default for row in rows}
 
@@ -272,9 +272,9 @@ def with_unit(option: str, scenario: ScenarioSpec, catalogs: Mapping[str, Catalo
             reference = find(name, own)
         except CouplingError:  # a key of the run, or a member of other variants
             continue
-        symbol = label(reference.variable.unit)
+        symbol = units.label(reference.variable.unit)
         shown = range_unit(scenario, name) or shown_value(reference.variable.start, reference.variable)[1]
-        if BARE.fullmatch(text) and label(shown) != symbol:
+        if BARE.fullmatch(text) and units.label(shown) != symbol:
             notes = [in_unit(float(text), reference.variable.unit, shown)]
         if reference.size > 1 and "," not in text:
             notes.append(f"all {reference.size} elements")
@@ -292,13 +292,7 @@ def range_unit(scenario: ScenarioSpec, name: str) -> str:
 def in_unit(value: float, symbol: str, shown: str) -> str:
     """Return a value in another unit, as text: 72 Hz as `4320 /min`."""
     (factor, offset), (shown_factor, shown_offset) = si_conversion(symbol), si_conversion(spelled(shown))
-    return f"{(value * factor + offset - shown_offset) / shown_factor:.6g} {label(shown)}"
-
-
-def label(symbol: str) -> str:
-    """Return a unit as it stands after a number: `/min` for `1/min`."""
-    text = units.shown(symbol)
-    return text.removeprefix("1") if text.startswith("1/") or text == "1" else text
+    return f"{(value * factor + offset - shown_offset) / shown_factor:.6g} {units.label(shown)}"
 
 
 def spelled(symbol: str) -> str:
@@ -318,7 +312,7 @@ def override_remarks(
     _, _, text = option.partition("=")
     usual, shown_unit = shown_value(before, variable)
     shown_unit = limits.rpartition(" ")[2] if " " in limits.rpartition(" to ")[2] else shown_unit
-    own_unit, shown_unit = label(variable.unit), label(shown_unit)
+    own_unit, shown_unit = units.label(variable.unit), units.label(shown_unit)
     meaning, advice = f"{option} is", ""
     if shown_unit != own_unit:
         converted = in_unit(value, variable.unit, shown_unit)
@@ -331,9 +325,7 @@ def override_remarks(
     if ends is not None and not ends[0] <= value <= ends[1]:
         return [f"{WARNING}{meaning} outside of {limits}.{advice}"]
     if ends is None and value and before and not 1.0 / FAR <= abs(value / before) <= FAR:
-        size = (
-            f"{abs(value / before):.4g} times the scenario's {usual} {label(shown_value(before, variable)[1])}".rstrip()
-        )
+        size = f"{abs(value / before):.4g} times the scenario's {usual} {units.label(shown_value(before, variable)[1])}".rstrip()
         return [f"{WARNING}{meaning} implausible, {size}.{advice}"]
     return [f"note: {meaning.rstrip(',')}.{advice}"] if advice else []
 

@@ -210,8 +210,7 @@ class MetricOverview:
             for result in group:
                 numbers = [style.number(value, result.scale) for value in (result.mean, result.worst)]
                 cells[result.variant] = " / ".join(numbers if is_mean and result.metric.has_worst else numbers[:1])
-            label = style.label[style.label.startswith("1/") :]  # /min
-            table.add_row(*map(Text, (f"{name} [{label}]" if label else name, *cells.values())))
+            table.add_row(*map(Text, (f"{name} [{style.label}]" if style.label else name, *cells.values())))
         return table
 
 

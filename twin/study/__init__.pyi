@@ -10,6 +10,7 @@ from .execution import StudyProgress as StudyProgress
 from .execution import TimeEstimate as TimeEstimate
 from .execution import duration_text as duration_text
 from .execution import estimate_time as estimate_time
+from .execution import finishing_time as finishing_time
 from .execution import is_complete as is_complete
 from .execution import latest as latest
 from .execution import progress_text as progress_text

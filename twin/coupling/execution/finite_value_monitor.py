@@ -97,6 +97,7 @@ class FiniteValueMonitor:
 
     def __init__(self, members: Mapping[str, Member], links: list[ResolvedConnection], exempt: Collection[str]) -> None:
         self.members, self.links = members, links
+        self.periods: dict[str, clock.Time] = {}  # of members with steps of their own [ns]
         self.variables = {
             name: variables for name, m in members.items() if name not in exempt and (variables := finite_variables(m))
         }
@@ -219,8 +220,21 @@ class FiniteValueMonitor:
                 return name, True
         return order[0], False
 
-    def described(self, bad: list[str], when: str) -> str:
-        """Describe the values that are not finite in one line: variable, time, cause."""
+    def step_text(self, name: str, time: clock.Time) -> str:
+        """Return the own step of a member that gave its value at a time [ns], which is published at its end; "" of others."""
+        period = self.periods.get(name, 0)
+        if not period or time <= 0:
+            return ""
+        begin = (time - 1) // period * period
+        return f" (in its step from {clock.text(begin)} to {clock.text(begin + period)})"
+
+    def code_note(self, name: str) -> str:
+        """Return the note on the line of code, of a component of ours."""
+        member = self.members[name]
+        return LINE_NOTE if isinstance(member, RecordMember) or member.has_cheap_fmu_state else ""
+
+    def described(self, bad: list[str], when: str, time: clock.Time = 0) -> str:
+        """Describe the values that are not finite in one line: variable, time, cause. `time`: if it is exact [ns]."""
         name, is_source = self.find_source(bad)
         member = self.members[name]
         invalid = {v.name: value for v in self.variables[name] if not np.isfinite(value := member.get(v.name)).all()}
@@ -234,11 +248,12 @@ class FiniteValueMonitor:
         element = f"[{','.join(str(i + 1) for i in index)}]" if index else ""
         others = [f"{name}.{path}" for path in candidates if path != first]
         more = f" ({', '.join(others[:2])}{' and others' if len(others) > 2 else ''} too)" if others else ""
-        line = LINE_NOTE if isinstance(member, RecordMember) or member.has_cheap_fmu_state else ""
         cause = (
-            f"with finite inputs. {line}{REMEDY}" if is_source else f"and not all of its inputs are finite. {REMEDY}"
+            f"with finite inputs. {self.code_note(name)}{REMEDY}"
+            if is_source
+            else f"and not all of its inputs are finite. {REMEDY}"
         )
-        return f"{name}.{first}{element} is {value[index]:g} {when}{more}, {cause}"
+        return f"{name}.{first}{element} is {value[index]:g} {when}{self.step_text(name, time)}{more}, {cause}"
 
     def spell(self, parts: Iterable[tuple[np.ndarray[Any, Any], Mapping[str, np.ndarray[Any, Any]]]]) -> str:
         """Describe values that were recorded as not finite between two checks and finite again; empty if there are none.
@@ -253,7 +268,9 @@ class FiniteValueMonitor:
                     if not is_finite.all():
                         first = min(first or (len(time), ""), (int(np.argmin(is_finite)), path))
             if first is not None:
-                return f"{first[1]} was not finite at t = {time[first[0]]:g} s, and later was again. {REMEDY}"
+                name, seconds = first[1].partition(".")[0], float(time[first[0]])
+                when = f"at t = {seconds:g} s{self.step_text(name, round(seconds * 1e9))}"
+                return f"{first[1]} was not finite {when}, and later was again. {self.code_note(name)}{REMEDY}"
         return ""
 
 

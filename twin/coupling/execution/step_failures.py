@@ -99,16 +99,17 @@ class StepFailures:
             if failed and not repeated:
                 return  # only an iteration that was rolled back was not finite
             self._last, bad = tick, repeated or bad
-        when = clock.text(self._begin + tick * self.step)
+        time = self._begin + tick * self.step
         exact = self.watch.replays or noticed or failed
-        self._raise_if_not_finite(bad, f"at t = {when}" if exact else f"at t = {when} or somewhat before")
+        when = f"at t = {clock.text(time)}" + ("" if exact else " or somewhat before")
+        self._raise_if_not_finite(bad, when, time=time if exact else 0)
 
     def _raise_if_not_finite(
-        self, bad: list[str], when: str, sure: bool = False, cause: Exception | None = None
+        self, bad: list[str], when: str, sure: bool = False, cause: Exception | None = None, time: clock.Time = 0
     ) -> None:
         """Raise SimulationError if members have values that are not finite; `sure`: only if the origin is among them."""
         if bad and (not sure or self.watch.find_source(bad)[1]):
-            raise SimulationError(self.watch.described(bad, when)) from cause
+            raise SimulationError(self.watch.described(bad, when, time)) from cause
 
     def _handle_failure(self) -> None:
         """Raise SimulationError with name, time, status, last inputs and log of a failed member, unless it can continue."""

@@ -29,7 +29,7 @@ class MetricFormat:
     @property
     def label(self) -> str:
         """Unit as it is printed."""
-        return unit.shown(self.unit)
+        return unit.label(self.unit)
 
     def number(self, value: float | None, scale: float = 0.0) -> str:
         """Format a value [SI] without its unit. `scale`: as in `format_value`."""

@@ -187,7 +187,4 @@ def format_value(
     text = f"{number:.{digits}g}" if decimals is None else f"{number:.{decimals}f}"
     if "e+" in text and symbol in LARGER_UNITS and not keeps_unit:
         return format_value(value, LARGER_UNITS[symbol], scale, is_difference, decimals, digits)
-    label = unit.shown(symbol)
-    if label.startswith("1/"):
-        label = label.removeprefix("1")
-    return f"{text if float(text) else text.lstrip('-')} {label}".rstrip()  # 60 /min
+    return f"{text if float(text) else text.lstrip('-')} {unit.label(symbol)}".rstrip()  # 60 /min

@@ -81,14 +81,13 @@ class PlotSet(NamedTuple):
 
 
 def write_report(outcome: StudyOutcome, plot_set: PlotSet | None = None) -> PlotSet:
-    """Write the answers of a study, with its plots as they are now or as given; nothing where no case was done."""
-    if not outcome.cases.rows:
-        return PlotSet()
+    """Write the answers of a study, with its plots as they are now or as given."""
     answers = Answers(outcome.cases)
     sentences = [cleaned(vars(own)) for own in headline(answers, outcome.worst, outcome.tuned)]
     summary = {"sentences": sentences, **answers.plain(), **searched(outcome)}
     write_text(outcome.folder / ANSWERS, json.dumps(summary, indent=1, allow_nan=False) + "\n")
     plot_set = draw_plots(outcome, answers) if plot_set is None else plot_set
+    outcome.take_time()
     write_text(outcome.folder / PAGE, html(outcome, answers, plot_set))
     return plot_set
 
@@ -217,7 +216,7 @@ def pictures(outcome: StudyOutcome, answers: Answers) -> dict[str, list[Plot]]:
                 if svg := plots.bands(outcome.folder, cases, name, variant, index):
                     add("Over time", f"{variant}, {name} over time", f"{note}.", svg)
     if study.design.method != "one_at_a_time":
-        note = f"Dotted: quantiles {', '.join(answers.part_names)}; dashed red: limit; red bars: cases in which anything fails."
+        note = f"Dotted: quantiles {', '.join(answers.part_names)}; dashed: limit; red: cases in which anything fails."
         for metric in dict.fromkeys(spread.metric for spread in first_of(answers)):
             for variant in study.variants:
                 if svg := plots.histogram(cases, metric, variant, unit(metric)):

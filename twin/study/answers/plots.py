@@ -25,9 +25,11 @@ if TYPE_CHECKING:
     Array = np.ndarray[Any, Any]
 
 WIDTH, WIDE = 4.4, 9.2  # of a plot that is legible on a phone, and of one with many axes [inch]
+FEW = 20  # cases: with fewer, a distribution shows each as a point
 LINES = 400  # of parallel coordinates: more are one area
 BAD, GOOD = "#b42335", "#0b62a4"
 LIMIT_LINE: dict[str, Any] = {"color": BAD, "linewidth": 1.2, "linestyle": (0, (6, 3))}
+LIMIT_NAME: dict[str, Any] = {"loc": "right", "color": BAD, "fontsize": 10}  # above the plot: it covers no point
 BANDS = (0.0, 0.05, 0.25, 0.75, 0.95, 1.0)
 
 
@@ -100,15 +102,8 @@ def scatter(cases: CaseTable, metric: str, variant: str, factor: int, unit: str)
             )
             points.set_urls([f"#case-{cases.requests[i].number}" for i in case_indices])
         for limit in limits_of(study, variant, metric):
-            height = axis.axhline((limit - offset) / scale, **LIMIT_LINE).get_ydata()[0]
-            axis.annotate(
-                limit_text(study, metric, limit, unit),
-                (0.01, height),
-                xycoords=axis.get_yaxis_transform(),
-                xytext=(0, 2),
-                textcoords="offset points",
-                color=BAD,
-            )
+            axis.axhline((limit - offset) / scale, **LIMIT_LINE)
+        axis.set_title(limit_text(study, variant, metric, unit), **LIMIT_NAME)
         axis.set_xlabel(plotting.axis_label(varied.name, varied.shown_unit))
         axis.set_ylabel(plotting.axis_label(metric, unit))
 
@@ -131,13 +126,15 @@ def limits_of(study: Study, variant: str, metric: str) -> list[float]:
     return [limit for expectation in own for limit in (expectation.at_least, expectation.at_most) if limit is not None]
 
 
-def limit_text(study: Study, metric: str, limit: float, unit: str) -> str:
-    """Return `limit 6 mN`, of a limit in SI."""
-    return f"limit {format_value(limit, unit, is_difference=study.metrics[metric].is_difference)}"
+def limit_text(study: Study, variant: str, metric: str, unit: str) -> str:
+    """Return `limit 6 mN`, the limits of a metric of a variant; "" without any."""
+    is_difference = study.metrics[metric].is_difference
+    limits = [format_value(limit, unit, is_difference=is_difference) for limit in limits_of(study, variant, metric)]
+    return f"limit {', '.join(limits)}" if limits else ""
 
 
 def histogram(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
-    """Draw the histogram of a metric; red: cases that fail in anything.
+    """Draw the histogram of a metric, of few cases each as a point; red: cases that fail in anything.
 
     The axis is that of all variants; so are the bins where their ranges overlap.
     """
@@ -157,21 +154,21 @@ def histogram(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
     def paint(grid: Any) -> None:
         axis, finite_values, bad = grid[0, 0], values[own[variant]], is_bad[own[variant]]
         edges = all_edges[variant]
-        kinds = [np.minimum(part, edges[-1]) for part in (finite_values[~bad], finite_values[bad])]
-        axis.hist(kinds, bins=edges, color=[GOOD, BAD], stacked=True)
+        if len(finite_values) < FEW:
+            order = np.argsort(finite_values)  # points side by side are at three heights
+            colors = [BAD if is_bad_case else GOOD for is_bad_case in bad[order]]
+            points = axis.scatter(finite_values[order], np.arange(len(order)) % 3, s=30, c=colors, edgecolors="#fff")
+            points.set_urls([f"#case-{cases.requests[i].number}" for i in own[variant][order]])
+            axis.set_ylim(-1.0, 3.0)
+            axis.set_yticks([])
+        else:
+            kinds = [np.minimum(part, edges[-1]) for part in (finite_values[~bad], finite_values[bad])]
+            axis.hist(kinds, bins=edges, color=[GOOD, BAD], stacked=True)
+            axis.yaxis.get_major_locator().set_params(integer=True)
+            axis.set_ylabel("cases")
         for limit in limits_of(study, variant, metric):
-            x = axis.axvline((limit - offset) / factor, **LIMIT_LINE).get_xdata()[0]
-            side = (2, "left") if x < (min(ends) + max(ends)) / 2 else (-2, "right")  # towards the middle
-            axis.annotate(
-                limit_text(study, metric, limit, unit),
-                (x, 1.0),
-                xycoords=axis.get_xaxis_transform(),
-                xytext=(side[0], -2),
-                textcoords="offset points",
-                ha=side[1],
-                va="top",
-                color=BAD,
-            )
+            axis.axvline((limit - offset) / factor, **LIMIT_LINE)
+        axis.set_title(limit_text(study, variant, metric, unit), **LIMIT_NAME)
         for part in study.keys.quantiles:
             axis.axvline(
                 np.quantile(finite_values, resolved_part(part, len(finite_values))),
@@ -181,11 +178,11 @@ def histogram(cases: CaseTable, metric: str, variant: str, unit: str) -> str:
             )
         low, high = min(ends), max(ends)
         axis.set_xlim(low - 0.04 * (high - low), high + 0.04 * (high - low))
-        axis.yaxis.get_major_locator().set_params(integer=True)
-        axis.set_ylabel("cases")
         axis.set_xlabel(plotting.axis_label(metric, unit))
 
-    return figure_files.render_svg((WIDTH, 3.0), f"histogram {metric} {variant}", paint)
+    return figure_files.render_svg(
+        (WIDTH, 1.8 if len(own[variant]) < FEW else 3.0), f"histogram {metric} {variant}", paint
+    )
 
 
 def bin_edges(values: Array) -> Array:

@@ -41,7 +41,7 @@ class Factor:
     @property
     def shown_unit(self) -> str:
         """Unit in which values are shown; `x` for a multiple of the scenario's value."""
-        return "x" if self.scales else units.shown(self.display_unit or self.unit)
+        return "x" if self.scales else units.label(self.display_unit or self.unit)
 
     def in_shown_unit(self, values: Any) -> Any:
         """Convert values to the unit in which they are shown."""

@@ -5,6 +5,7 @@ from .manifest import latest as latest
 from .progress import StudyProgress as StudyProgress
 from .progress import TimeEstimate as TimeEstimate
 from .progress import duration_text as duration_text
+from .progress import finishing_time as finishing_time
 from .progress import progress_text as progress_text
 from .stored_case import repeat as repeat
 from .stored_case import resolve_case as resolve_case

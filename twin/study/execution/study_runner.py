@@ -28,7 +28,7 @@ from twin.study.execution.case_engine import DONE, Engine, Job, Row
 from twin.study.execution.journal import NAME as JOURNAL
 from twin.study.execution.journal import StudyJournal
 from twin.study.execution.process_pool import Pool, memory_of_each
-from twin.study.execution.progress import ProgressReporter, StudyProgress, TimeEstimate
+from twin.study.execution.progress import ProgressReporter, StudyProgress, TimeEstimate, finishing_time
 from twin.study.execution.tuning import Tuned, tune
 from twin.study.execution.worst_case_search import WorstCase, search_worst
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 COPY = "study.yaml"
 RUNNING = "running"
-REPORT_PERIOD = 15.0  # of reports while cases run, at least [s]
+REPORT_PERIOD = 2.0  # of reports while cases run, at least [s]
 PLOTS_PERIOD = 60.0  # of their plots, which take most of the time, at least [s]
 REPORT_SHARE = 0.05  # of the time that each of both takes, at most
 
@@ -53,37 +53,41 @@ class StudyOutcome:
     folder: Path
     cases: case_table.CaseTable
     status: str
-    seconds: float
+    seconds: float = 0.0
     worst: WorstCase | None = None
     tuned: Tuned | None = None
     runs: dict[int, str] = field(default_factory=dict)  # number of a case -> its folder, as from the study's
     before: int = 0  # cases that were done when it went on
     engine: str = ""  # what ran the cases
-    report_seconds: float = 0.0  # of `seconds`, after the last case: tables, cases that are kept, report
-    seconds_before: float = 0.0  # of the commands that it continues; `seconds`: of this one, at its end with the report
+    begin: float = 0.0  # time at which the command started, as of time.perf_counter
+    seconds_before: float = 0.0  # of the commands that it continues
+
+    def take_time(self) -> None:
+        """Set `seconds` to the time since the command started: with building, kept cases and plots."""
+        if self.begin:
+            self.seconds = time.perf_counter() - self.begin
 
 
 class ReportSoFar:
-    """Writes tables, manifest and report of the cases that are done, every `REPORT_PERIOD` or less often.
+    """Writes tables, manifest and report of the cases that are done: at once, then every `REPORT_PERIOD` or less often.
 
     The plots are those of `PLOTS_PERIOD` or less often.
     """
 
     def __init__(self, outcome: StudyOutcome, journal: StudyJournal, manifest_data: dict[str, Any]) -> None:
         self.outcome, self.journal, self.manifest_data = outcome, journal, manifest_data
-        self.begin = time.perf_counter()
-        self._due, self._plots_due = self.begin + REPORT_PERIOD, self.begin + PLOTS_PERIOD
+        self._due, self._plots_due = 0.0, outcome.begin + PLOTS_PERIOD
         self._plots: PlotSet | None = None
 
-    def update(self, requests: list[StudyRequest], *, is_last: bool = False) -> Path | None:
-        """Return the report if it was written now, as it is for the last case. OSError if it cannot be written."""
+    def update(self, requests: list[StudyRequest], *, is_last: bool = False) -> None:
+        """Write the report if it is due, as it is for the last case. OSError if it cannot be written."""
         begin = time.perf_counter()
         if begin < self._due and not is_last:
-            return None
-        from twin.study.answers import PAGE, PlotSet, write_report
+            return
+        from twin.study.answers import PlotSet, write_report
 
         cases = case_table.finished_cases(self.outcome.study, requests, self.journal)
-        done = replace(self.outcome, cases=cases, status=RUNNING, seconds=begin - self.begin)
+        done = replace(self.outcome, cases=cases, status=RUNNING)
         write_tables(done, self.journal)
         manifest.write(done.folder, **{**self.manifest_data, **progress_entries(done)})
         write_report(done, self._plots or PlotSet())
@@ -93,7 +97,6 @@ class ReportSoFar:
             self._plots = write_report(done)
             end = time.perf_counter()
             self._plots_due = end + max(PLOTS_PERIOD, (end - now) / REPORT_SHARE)
-        return done.folder / PAGE
 
 
 class PendingCases:
@@ -130,7 +133,7 @@ class PendingCases:
         """Write the report if it is due."""
         if self.report is not None:
             with self.stop.armed():
-                self.reporter.report = self.report.update(self.requests, is_last=is_last) or self.reporter.report
+                self.report.update(self.requests, is_last=is_last)
 
     def completed_row(self, request: StudyRequest) -> Row:
         """The row of a request that was run."""
@@ -165,25 +168,27 @@ def run_study(
         folder, manifest_data = prepare_folder(study, root, resume, command)
         journal = stack.enter_context(StudyJournal(folder))
         engine = scheduler or f"{workers} process{'es' * (workers > 1)}"
-        outcome = StudyOutcome(
-            study, folder, case_table.finished_cases(study, [], journal), "completed", 0.0, engine=engine
-        )
+        cases_so_far = case_table.finished_cases(study, [], journal)
+        outcome = StudyOutcome(study, folder, cases_so_far, "completed", engine=engine, begin=start_time)
         outcome.before, requests = len(journal.rows), list[StudyRequest]()
         reporter = ProgressReporter(journal, study.total, listen)
+        reporter.finishing = partial(finishing_time, study) if report else reporter.finishing
         reporter.folder = folder
-        reporter.update("preparing the members")
         outcome.seconds_before = manifest_data.get("seconds", 0.0)
         outcome.runs = {
             int(number): run for number, run in manifest_data.get("runs", {}).items() if (folder / run).is_dir()
         }
+        so_far = ReportSoFar(outcome, journal, manifest_data) if report else None
         try:
+            if so_far is not None:  # before its path is printed
+                so_far.update(list(study.requests()))
+            reporter.update("preparing the members")
             with stop.armed():
                 job = build_job(study, folder / manifest_data["frozen"], build, reporter.update_build)
             reporter.update(f"starting {engine}")
             with closing(
                 start_runner(job, study, scheduler, workers, memory or memory_of_each(workers), timeout)
             ) as runner:
-                so_far = ReportSoFar(outcome, journal, manifest_data) if report else None
                 cases = PendingCases(runner, journal, reporter, stop, so_far)
                 requests = cases.requests
                 run_parts(outcome, cases)
@@ -195,10 +200,8 @@ def run_study(
         except OSError as error:
             raise SimulationError(unwritten(folder, len(journal.rows), error)) from error
         outcome.cases = case_table.finished_cases(study, requests or list(study.requests()), journal)
-        outcome.seconds = time.perf_counter() - start_time
         finish(outcome, journal, {**manifest_data, **progress_entries(outcome)}, build, stop, report, reporter)
-        outcome.report_seconds = time.perf_counter() - start_time - outcome.seconds
-        outcome.seconds += outcome.report_seconds
+        outcome.take_time()
         seconds = outcome.seconds_before + outcome.seconds
         manifest.write(folder, **{**manifest.read(folder), "seconds": seconds})
         link_latest(folder)
