@@ -10,6 +10,7 @@
 import { before, decode, decodeArrays } from "./scale.js";
 import { extremes, unpack, valueAt, visible } from "./samples.js";
 
+const LOOP = 10_000; // samples of an x-y plot that are all drawn, as in curve_data.py
 const CASE = new URLSearchParams(location.search).get("case"); // of a study
 
 class ServerSource {
@@ -92,13 +93,14 @@ class EmbeddedSource {
         const { x, y, head } = await this.whole(spec);
         if (spec.kind === "time") return { ...visible({ x, y }, ...spec.window, points), head };
         if (spec.kind === "spectrum") return await this.spectrum(spec, { x, y, head }, points);
+        await this.requireSamples(spec, "x-y plot");
         const begin = Math.max(before(x, spec.window[0]), 0), end = Math.min(before(x, spec.window[1]) + 2, x.length);
         const across = await this.whole({ ...spec, signal: spec.x, minus: null }); // of a difference, x of its own case
         const times = x.slice(begin, end), of = (one) => Float64Array.from(times, (time) => valueAt(one, time) ?? NaN);
-        const sides = [of(across), of({ x, y, head })]; // of many samples the extremes of both, as the server
-        const shown = times.length <= points ? null : [...new Set(sides.flatMap((side) => [...extremes(Float64Array.from(side.keys()), side, 0, side.length, points / 2).x]))].sort((a, b) => a - b);
+        const sides = [of(across), of({ x, y, head })], count = times.length, part = LOOP / 4; // of many samples evenly spaced ones and the extremes of both, as the server
+        const shown = count <= LOOP ? null : [...new Set([...Array.from({ length: 2 * part }, (_, k) => Math.floor((k * (count - 1)) / (2 * part - 1))), ...sides.flatMap((side) => [...extremes(Float64Array.from(side.keys()), side, 0, count, part).x])])].sort((a, b) => a - b);
         const [u, v, t] = shown ? [...sides, times].map((side) => Float64Array.from(shown, (k) => side[k])) : [...sides, times];
-        return { x: u, y: v, t, head: { ...head, x_unit: across.head.unit } };
+        return { x: u, y: v, t, count, head: { ...head, x_unit: across.head.unit } };
       } catch (error) {
         return { x: [], y: [], head: { error: error.message } };
       }

@@ -84,6 +84,7 @@ class Panes extends Chart {
     const level = one.limits?.find(({ name }) => name);
     if (level) line.append(element("span", `dashed: ${level.name} of each curve`, { className: "hidden" }));
     if (one.violations?.length) line.append(element("span", `red: fails ${one.violations.join("; ")}`, { className: "violations" }));
+    one.thinned = line.querySelector(".twin-pane-title").appendChild(element("span", ""));
     line.append(menu(one.place));
     return line;
   }
@@ -109,12 +110,15 @@ class Panes extends Chart {
   // how far a run is from run A; a difference that is zero in the visible window would otherwise look like a curve that is missing
   values(one) {
     super.values(one);
-    let wraps = false;
+    const loops = one.x ? one.curves.map(({ name }) => this.data[name]).filter((data) => data?.t && data.count > data.x.length) : [], [loop] = loops.sort((a, b) => b.count - a.count);
+    const texts = [[one.thinned, loop ? `, drawn through ${loop.x.length} of ${loop.count} samples: choose a shorter time` : ""]];
     for (const { equality, item, name } of one.curves) {
-      const y = item.minus === null ? [] : [...(this.data[name]?.y ?? [])].filter((value) => !Number.isNaN(value)), text = item.minus === null ? distances.get(name) ?? "" : y.length && y.every((value) => value === 0) ? "(equal)" : "";
-      if (equality.textContent !== text) { equality.textContent = text; wraps = true; }
+      const y = item.minus === null ? [] : [...(this.data[name]?.y ?? [])].filter((value) => !Number.isNaN(value));
+      texts.push([equality, item.minus === null ? distances.get(name) ?? "" : y.length && y.every((value) => value === 0) ? "(equal)" : ""]);
     }
-    if (wraps) this.measure();
+    const changed = texts.filter(([span, text]) => span.textContent !== text);
+    for (const [span, text] of changed) span.textContent = text;
+    if (changed.length) this.measure();
   }
 }
 
