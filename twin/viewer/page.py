@@ -166,9 +166,7 @@ def film(runs: RunCollection, number: int, arrays: PackedArrays) -> dict[str, An
     if not (views := scenes.views(number)):
         return None
     samples = scenes.samples(number, (-np.inf, np.inf), MAX_INSTANTS)
-    signals = [
-        {"name": name, "shape": values.shape[1:], "y": arrays.index(values)} for name, values in samples.values.items()
-    ]
+    signals = [signal | {"y": arrays.index(samples.values[signal["name"]])} for signal in samples.signals]
     return {"case": number, "views": views, "x": arrays.index(samples.time), "signals": signals}
 
 

@@ -60,6 +60,8 @@ function refuse(input, reason) {
   if (reason) form.append(element("small", reason, { className: "wrong", role: "alert" }));
 }
 
+document.addEventListener("input", ({ target }) => { if (target.getAttribute("aria-invalid") === "true") refuse(target, ""); }); // the reason was of another text
+
 // ---- the menu of a pane
 
 function menu(index) {

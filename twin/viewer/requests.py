@@ -201,6 +201,6 @@ def scene(request: dict[str, Any], scenes: Scenes) -> bytes:
     header = {
         "views": scenes.views(wanted.case),
         "count": len(samples.time),
-        "signals": [{"name": name, "shape": array.shape[1:]} for name, array in samples.values.items()],
+        "signals": samples.signals,
     }
     return pack(header, [samples.time, *samples.values.values()])

@@ -30,10 +30,10 @@ class ServerSource {
   async scene(number, window) {
     const { header, numbers } = decodeArrays(await (await this.request("/scene", { case: number, window })).arrayBuffer());
     let place = header.count;
-    const signals = header.signals.map(({ name, shape }) => {
-      const size = shape.reduce((a, b) => a * b, header.count);
+    const signals = header.signals.map((signal) => {
+      const size = signal.shape.reduce((a, b) => a * b, header.count);
       place += size;
-      return { name, shape, values: numbers.subarray(place - size, place) };
+      return { ...signal, values: numbers.subarray(place - size, place) };
     });
     return { views: header.views, times: numbers.subarray(0, header.count), signals };
   }
@@ -143,7 +143,7 @@ class EmbeddedSource {
   async scene(number) {
     const film = this.film?.case === number ? this.film : null;
     if (!film) return { views: [], times: [], signals: [] };
-    const signals = await Promise.all(film.signals.map(async ({ name, shape, y }) => ({ name, shape, values: await unpack(y) })));
+    const signals = await Promise.all(film.signals.map(async (signal) => ({ ...signal, values: await unpack(signal.y) })));
     return { views: film.views, times: await unpack(film.x), signals };
   }
 }
