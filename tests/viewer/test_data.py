@@ -165,7 +165,10 @@ def test_the_drawn_loop_is_the_recorded_one(tmp_path, samples, revolutions):
     assert len(line.x) == samples if samples <= MAX_LOOP else len(line.x) <= MAX_LOOP
     begins = np.searchsorted(line.time, time, "right") - 1
     ends = np.minimum(begins + 1, len(line.time) - 1)
-    a, b, point = (values[0] + 1j * values[1] for values in ((line.x[begins] / 1e3, line.y[begins]), (line.x[ends] / 1e3, line.y[ends]), (position, force)))
+    a, b, point = (
+        values[0] + 1j * values[1]
+        for values in ((line.x[begins] / 1e3, line.y[begins]), (line.x[ends] / 1e3, line.y[ends]), (position, force))
+    )
     along = np.clip(np.real((point - a) * np.conj(b - a)) / np.maximum(np.abs(b - a) ** 2, 1e-300), 0, 1)
     far = np.abs(a + along * (b - a) - point)
     far[[*range(737, 818), *range(3293, 3374)]] = 0.0  # both peaks

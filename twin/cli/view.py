@@ -134,10 +134,8 @@ def view_runs(folders: list[Path], options: ViewOptions, as_scene: bool) -> None
 
 def newest_run(text: str, runs: Path) -> str:
     """Return the `latest` run of a scenario that is named alone; other texts unchanged."""
-    from twin.scene import shipped_environments
-
-    is_name = len(Path(text).parts) == 1 and not Path(text).exists() and (runs / text).is_dir()
-    return str(runs / text / "latest") if is_name and text not in shipped_environments() else text
+    latest = runs / text / "latest"
+    return str(latest) if len(Path(text).parts) == 1 and not Path(text).exists() and latest.exists() else text
 
 
 def is_run(text: str) -> bool:

@@ -84,7 +84,7 @@ def extreme_indices(y: Array, points: int) -> Array:
 
 
 def over_another(runs: RunCollection, curve: ViewedCurve, window: tuple[float, float], points: int) -> CurvePoints:
-    """Return a quantity over another of the same case; of more than `MAX_LOOP` samples, evenly spaced ones and the extremes of both."""
+    """Return a quantity over another of the same case; of many samples evenly spaced ones and the extremes of both."""
     y, x = runs.samples(curve), runs.samples(replace(curve, minus=None), curve.x)  # of a difference, x of its own case
     part = inside(y.time, window)
     time, value = y.time[part], y.shown(y.y[part])

@@ -201,6 +201,6 @@ def scene(request: dict[str, Any], scenes: Scenes) -> bytes:
     header = {
         "views": scenes.views(wanted.case),
         "count": len(samples.time),
-        "signals": samples.signals,
+        "signals": [{"name": name, "shape": array.shape[1:]} for name, array in samples.values.items()],
     }
     return pack(header, [samples.time, *samples.values.values()])

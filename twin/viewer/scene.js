@@ -47,10 +47,10 @@ function moved() {
   film.move(Object.fromEntries(film.signals.map((signal) => [signal.name, elementOf(instant(signal, k, part), 0, signal.shape)])), [], at);
 }
 
-// the values of an instant and a part of the way to the next one
-function instant({ values, shape, real }, k, part) {
+// the values of an instant and a part of the way to the next one; whole numbers may be codes and stay
+function instant({ values, shape }, k, part) {
   const size = shape.reduce((a, b) => a * b, 1), [now, later] = [k, k + 1].map((index) => values.subarray(index * size, (index + 1) * size));
-  return real && part ? now.map((value, i) => (Number.isFinite(later[i]) ? value + part * (later[i] - value) : value)) : now;
+  return now.map((value, i) => (part && Number.isFinite(later[i]) && value % 1 ? value + part * (later[i] - value) : value));
 }
 
 // ---- the time cursor

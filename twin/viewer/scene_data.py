@@ -38,14 +38,6 @@ class SceneSamples:
 
     time: Array
     values: dict[str, Array]
-    real: frozenset[str] = frozenset()  # names of those between whose instants a picture interpolates
-
-    @property
-    def signals(self) -> list[dict[str, Any]]:
-        """Description of the values for a page."""
-        return [
-            {"name": name, "shape": array.shape[1:], "real": name in self.real} for name, array in self.values.items()
-        ]
 
 
 class Scenes:
@@ -80,8 +72,7 @@ class Scenes:
         values = {name: run.recording.values(case.key, name)[indices] for name in names}
         units = {name: run.variables[name].unit for name in names}
         si = Signals(time[indices], values, units).to_si(set(values))
-        real = frozenset(name for name in names if run.variables[name].dtype.kind == "f")
-        return SceneSamples(time[indices], {name: si[name] for name in names}, real)
+        return SceneSamples(time[indices], {name: si[name] for name in names})
 
 
 def recorded_system(run: OpenRun, case: tuple[str, int]) -> RecordedSystem:

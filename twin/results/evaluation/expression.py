@@ -108,9 +108,9 @@ def parse(text: Any) -> Expression:
         signals: dict[str, SignalReference] = {}
         collect_signals(tree, text, signals)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        reason = getattr(error, "msg", "").partition(" (")[0]
-        bracket = f": {reason}" * bool(re.match(r"'.' was|unmatched|closing", reason))
-        raise ScenarioError(f"`{text.strip()}` is not an expression{bracket}. {SYNTAX_HINT}") from None
+        bracket = re.match(r"'.' was never closed|unmatched '.'", getattr(error, "msg", ""))
+        reason = f": {bracket[0]}" if bracket else ""
+        raise ScenarioError(f"`{text.strip()}` is not an expression{reason}. {SYNTAX_HINT}") from None
     return Expression(text.strip(), tuple(signals.values()), tree)
 
 
