@@ -89,9 +89,9 @@ def over_another(runs: RunCollection, curve: ViewedCurve, window: tuple[float, f
     part = inside(y.time, window)
     time, value = y.time[part], y.shown(y.y[part])
     across = x.shown(x.y[part]) if np.array_equal(x.time, y.time) else interpolate(time, x)
-    if (count := len(time)) > MAX_LOOP:  # extremes alone would be chords of a loop
-        extremes = [extreme_indices(side, MAX_LOOP // 4) for side in (across, value)]
-        shown = np.unique(np.concatenate([np.linspace(0, count - 1, MAX_LOOP // 2).astype(np.int64), *extremes]))
+    if (count := len(time)) > (most := max(points, MAX_LOOP)):  # extremes alone would be chords of a loop
+        extremes = [extreme_indices(side, most // 4) for side in (across, value)]
+        shown = np.unique(np.concatenate([np.linspace(0, count - 1, most // 2).astype(np.int64), *extremes]))
         across, value, time = across[shown], value[shown], time[shown]
     return CurvePoints(across, value, y.unit, x.unit, count, time=time)
 
