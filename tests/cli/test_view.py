@@ -137,8 +137,8 @@ def test_signals_become_a_page(view, folder):
 
 @pytest.mark.slow
 def test_a_format_alone_is_a_file_of_the_scenarios_name(view, folder):
-    for ending in ("mcap", "csv"):
-        code, told, _ = view("runs/swing/latest", "--output", ending, "--signal", "swing.travel")
+    for ending, what in (("mcap", "runs/swing/latest"), ("csv", "swing")):  # a scenario's name is its last run
+        code, told, _ = view(what, "--output", ending, "--signal", "swing.travel")
         assert (code, told) == (0, f"1 signal of 1 case\nswing.{ending}\n")
         assert (folder / f"swing.{ending}").stat().st_size > 1000
 
@@ -165,9 +165,10 @@ def test_a_case_of_a_study_that_was_kept(view, folder):
     [
         (("two_bens",), "There is no environment or run 'two_bens'. Did you mean 'two_bends'?"),
         (
-            ("swing",),
-            "There is no environment or run 'swing'. Known: aortic_arch, free_gap, heart_wall, latest, left_ventricle, runs/swing/latest",
+            ("qqq",),
+            "There is no environment or run 'qqq'. Known: aortic_arch, free_gap, heart_wall, latest, left_ventricle, swing",
         ),
+        (("swin",), "There is no environment or run 'swin'. Did you mean 'swing'?"),
         (("lates",), "There is no environment or run 'lates'. Did you mean 'latest'?"),
         (("two_bends", "-o", "a.pdf"), "a.pdf: cannot be written. Use .svg, .png, .html."),
         (("two_bends", "-o", "nowhere/a.svg"), "nowhere/a.svg: there is no folder nowhere. Create it first."),

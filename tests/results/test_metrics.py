@@ -71,7 +71,8 @@ def test_expressions(text: str, expected: np.ndarray) -> None:
     ("text", "expected"),
     [
         ("force", "cannot be used"),
-        ("a.b; c", "is not an expression"),
+        ("a.b; c", "is not an expression. Use names"),
+        ("abs(a.b", "is not an expression: '(' was never closed. Use names"),
         ("__import__('os').system('x')", "cannot be used"),
         ("f('os').system", "is not a signal"),
         ("a.b()", "cannot be used"),

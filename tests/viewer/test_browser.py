@@ -332,6 +332,7 @@ def test_a_wrong_expression_is_marked_and_adds_no_pane(open_page):
     field, wrong = page.page.get_by_label("add an expression"), page.page.locator(".wrong")
     for text, reason in (
         ("heart.position - ", "is not an expression"),
+        ("abs(heart.position", "'(' was never closed"),
         ("heart.position - nosuch.x", "'nosuch.x' was not recorded"),
         ("derivative(heart.position)", "cannot be used"),
     ):
@@ -359,6 +360,8 @@ def test_a_wrong_expression_is_marked_and_adds_no_pane(open_page):
     field.press("Enter")
     wrong.wait_for()
     assert wrong.inner_text() == "1 / 0 * heart.position: has no finite value in the visible time."
+    field.fill("")  # the reason is of a text that is not there any more
+    assert (wrong.count(), field.get_attribute("aria-invalid")) == (0, "false")
     assert len(page.state["panes"]) == 2
     page.page.locator("#all").click()
     for number in (page.page.locator("#cases .run input").nth(1), page.page.locator("#from")):

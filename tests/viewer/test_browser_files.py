@@ -75,7 +75,7 @@ def test_a_page_of_a_file_needs_no_network(browser, folders, tmp_path):
     page.drag(0.5, 0.6)
     assert page.state["window"] == pytest.approx([1.0, 1.2], abs=0.01)
     page.page.mouse.click(*page.place(0.5))
-    assert len(table(page, ["t1", "mean"])) == 8
+    assert len(table(page, ["t1", "mean"])) == 7
     page.page.locator("#chart .menu summary").first.click()
     page.page.locator("#chart .menu[open]").get_by_label("difference from").select_option("run A, case by case")
     less = page.curves()[1]

@@ -7,7 +7,7 @@ from tests.every_case import every_case
 from tests.viewer.recorded import COUNT, FORCE, PLACE, SHAPE, folder_of, runs
 from twin.errors import TwinError
 from twin.viewer import curve_data, page_data
-from twin.viewer.curve_data import BLOCK, KINDS, statistics, values_at
+from twin.viewer.curve_data import BLOCK, KINDS, MAX_LOOP, statistics, values_at
 from twin.viewer.runs import CurveSamples, ViewedCurve, interpolate
 
 TIME = np.array([0.0, 1.0, 2.0, 3.0])
@@ -147,21 +147,32 @@ def test_curves_of_few_samples(opened):
         assert drawn(opened, "time", ViewedCurve("sensor.force", 0, seeds=(0, 1), part=part))[1] == values
     x, y = drawn(opened, "xy", ViewedCurve("sensor.force", 0, x="tip.position"))
     assert (x, y) == ([0, 1, 2, 3], [0, 2, 4, 6])
-    assert drawn(opened, "xy", ViewedCurve("sensor.force", 0, x="tip.position"), points=2) == ([0, 3], [0, 6])
     line = KINDS["xy"](opened, ViewedCurve("sensor.force", 0, x="tip.position"), (0.5, 0.6), 10)
     assert (line.x.tolist(), line.count, line.unit, line.x_unit) == ([0, 1], 2, "N", "mm")
 
 
-def test_a_loop_of_many_samples_keeps_its_extremes(tmp_path):
-    """Every 100th of these samples alone would be the same point of each cycle."""
-    time = np.arange(10_000) / 1000
-    force, position = np.cos(20 * np.pi * time), np.sin(20 * np.pi * time)
+@every_case(("samples", "revolutions"), [(10_000, 250), (200_000, 250)])
+def test_the_drawn_loop_is_the_recorded_one(tmp_path, samples, revolutions):
+    """Extremes of x and y alone are chords of a loop; all samples are drawn as long as a browser is fluent."""
+    time = np.arange(samples) / 1000
+    angle = 2 * np.pi * revolutions * np.arange(samples) / samples
+    force, position = np.cos(angle) + 0.3 * np.sin(2 * angle), np.sin(angle)
     force[777], position[3333] = 5.0, -4.0
     case = {("base", 1): (time, {"sensor.force": force, "tip.position": position})}
-    opened = runs(folder_of(tmp_path / "loop", case, [FORCE, PLACE]))
+    opened = runs(folder_of(tmp_path / f"loop{samples}", case, [FORCE, PLACE]))
     line = KINDS["xy"](opened, ViewedCurve("sensor.force", 0, x="tip.position"), ALL, 100)
-    assert len(line.x) <= 100
-    assert (line.y.max(), line.x.min() / line.x.max(), line.count) == (5.0, -4.0, 10_000)
+    assert (line.y.max(), line.x.min() / 1e3, line.count) == (5.0, -4.0, samples)
+    assert len(line.x) == samples if samples <= MAX_LOOP else len(line.x) <= MAX_LOOP
+    begins = np.searchsorted(line.time, time, "right") - 1
+    ends = np.minimum(begins + 1, len(line.time) - 1)
+    a, b, point = (
+        values[0] + 1j * values[1]
+        for values in ((line.x[begins] / 1e3, line.y[begins]), (line.x[ends] / 1e3, line.y[ends]), (position, force))
+    )
+    along = np.clip(np.real((point - a) * np.conj(b - a)) / np.maximum(np.abs(b - a) ** 2, 1e-300), 0, 1)
+    far = np.abs(a + along * (b - a) - point)
+    far[[*range(737, 818), *range(3293, 3374)]] = 0.0  # both peaks
+    assert np.max(far) < 0.03
 
 
 def test_statistics_of_few_samples(opened):

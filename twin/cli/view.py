@@ -87,7 +87,7 @@ class ViewOptions:
 def command(what: tuple[str, ...], as_scene: bool, runs: Path, **options: Any) -> None:
     """Open runs in the browser: signals, overlays, differences, spectra, failed expectations.
 
-    Several runs are overlaid; `latest` is the last run. STUDY:713 is a case of a study that was stored with its signals. With --output FILE.html
+    Several runs are overlaid; `latest` is the last run, the name of a scenario its last run. STUDY:713 is a case of a study that was stored with its signals. With --output FILE.html
     the same page is written as one self-contained file.
 
     --scene animates a scene of a run. An ENVIRONMENT is drawn without a run: an SVG or GeoJSON file, or one of two_bends,
@@ -103,7 +103,7 @@ def command(what: tuple[str, ...], as_scene: bool, runs: Path, **options: Any) -
     """
     from twin.results import find_by_time
 
-    view_options = ViewOptions(**options)
+    view_options, what = ViewOptions(**options), tuple(newest_run(text, runs) for text in what)
     if len(what) > 1 or is_run(str(find_by_time(runs, Path(what[0])))):
         view_runs([run_folder(text, runs) for text in what], view_options, as_scene)
     elif as_scene:
@@ -132,6 +132,12 @@ def view_runs(folders: list[Path], options: ViewOptions, as_scene: bool) -> None
         view_signals(folders, options, target)
 
 
+def newest_run(text: str, runs: Path) -> str:
+    """Return the `latest` run of a scenario that is named alone; other texts unchanged."""
+    latest = runs / text / "latest"
+    return str(latest) if len(Path(text).parts) == 1 and not Path(text).exists() and latest.exists() else text
+
+
 def is_run(text: str) -> bool:
     """Whether something is a run, or a case of a study, rather than an environment."""
     path = Path(text)
@@ -151,7 +157,7 @@ def check_name(text: str, runs: Path) -> None:
 
     environments = shipped_environments()
     if len(Path(text).parts) == 1 and not Path(text).suffix and text not in environments:
-        latest = {name for folder in finished_runs(runs) for name in (LATEST, str(folder.parent / LATEST))}
+        latest = {name for folder in finished_runs(runs) for name in (LATEST, folder.parent.name)}
         raise SceneError(f"There is no environment or run '{text}'. {nearest(text, [*environments, *latest])}")
 
 

@@ -19,6 +19,7 @@ MIN_SAMPLES = 16  # smallest number of samples of a spectrum
 SEGMENTS = 2  # of Welch's method, with 50 % overlap: periodic signals give sharp peaks, noise stays rough
 BLOCK = 4096  # samples whose moments are stored together
 SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")  # of the edges of a window that includes them
+MAX_LOOP = 10_000  # samples of an x-y plot that are all drawn
 SPACING_TOLERANCE = 0.01  # relative difference of sample times above which samples are interpolated
 
 
@@ -83,15 +84,16 @@ def extreme_indices(y: Array, points: int) -> Array:
 
 
 def over_another(runs: RunCollection, curve: ViewedCurve, window: tuple[float, float], points: int) -> CurvePoints:
-    """Return a quantity over another of the same case; of more than `points` samples, the extremes of both in each part."""
+    """Return a quantity over another of the same case; of many samples evenly spaced ones and the extremes of both."""
     y, x = runs.samples(curve), runs.samples(replace(curve, minus=None), curve.x)  # of a difference, x of its own case
     part = inside(y.time, window)
     time, value = y.time[part], y.shown(y.y[part])
     across = x.shown(x.y[part]) if np.array_equal(x.time, y.time) else interpolate(time, x)
-    if len(time) > points:
-        shown = np.union1d(extreme_indices(across, points // 2), extreme_indices(value, points // 2))
-        return CurvePoints(across[shown], value[shown], y.unit, x.unit, len(time), time=time[shown])
-    return CurvePoints(across, value, y.unit, x.unit, len(time), time=time)
+    if (count := len(time)) > (most := max(points, MAX_LOOP)):  # extremes alone would be chords of a loop
+        extremes = [extreme_indices(side, most // 4) for side in (across, value)]
+        shown = np.unique(np.concatenate([np.linspace(0, count - 1, most // 2).astype(np.int64), *extremes]))
+        across, value, time = across[shown], value[shown], time[shown]
+    return CurvePoints(across, value, y.unit, x.unit, count, time=time)
 
 
 def spectrum(runs: RunCollection, curve: ViewedCurve, window: tuple[float, float], points: int) -> CurvePoints:

@@ -51,19 +51,19 @@ def html(
     import jinja2
     import markupsafe
 
-    script = chart_script((HERE / file for file in OWN), views=True)
+    script = chart_script((HERE / file for file in (*["server_source.js"] * (not arrays), *OWN)), views=True)
     style = "".join(file.read_text("utf-8") for file in (STATIC / "style.css", STATIC / "views.css", HERE / "view.css"))
     # escape `<`: data must not close the script or begin a comment in it
     data = json.dumps(content, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     template = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(
-        (HERE / "page.html").read_text(encoding="utf-8")
+        re.sub("^ +", "", (HERE / "page.html").read_text(encoding="utf-8"), flags=re.MULTILINE)
     )
     safe = markupsafe.Markup
     return template.render(
         title=content["title"],
         note=note,
         icon=quote((STATIC / "favicon.svg").read_text(encoding="utf-8")),
-        style=safe(STYLE_SPACE.sub(r"\1", style)),
+        style=safe(STYLE_SPACE.sub(r"\1", style).replace(";}", "}")),
         about=safe(data),
         followed=content["following"] is not None,
         arrays=arrays,

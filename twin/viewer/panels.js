@@ -235,6 +235,7 @@ function plots() {
 
 // ---- new plots
 
+document.addEventListener("input", ({ target }) => { if (target.getAttribute("aria-invalid") === "true") refuse(target, ""); }); // the reason was of another text
 find("search").oninput = tree;
 find("band").onchange = () => { state.band = find("band").checked; show(); };
 find("kind").onchange = () => {
@@ -254,7 +255,7 @@ find("new").onsubmit = async (event) => {
   after(state.panes.length - 1, pane([signal], kind === "xy" ? { kind, x } : { kind }));
 };
 for (const id of ["signal", "x"]) completes(find(id));
-if (about.embedded) { find("clear").before(find("all"), find("undo")); find("new").parentElement.hidden = true; }
+if (about.embedded) { find("playback").append(find("all"), find("undo")); find("new").parentElement.hidden = true; }
 find("expectations").open = about.expectations.some((one) => !["pass", "skipped"].includes(one.verdict)) || !about.metrics.length;
 if (about.following) find("values").open = false; // room for the chart
 if (innerHeight <= LOW && innerWidth > NARROW) for (const id of ["scene", "values"]) find(id).open = false;

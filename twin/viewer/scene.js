@@ -42,15 +42,22 @@ async function load() {
 // move the picture to the time cursor, or to the begin of the window
 function moved() {
   if (!film?.times.length || find("scene").hidden) return;
-  const at = (state.time ?? windowOf()[0]) - offset(film.place), k = Math.max(before(film.times, at + 1e-9), 0);
-  film.move(Object.fromEntries(film.signals.map(({ name, shape, values }) => [name, elementOf(values, k, shape)])), [], film.times[k]);
+  const at = (state.time ?? windowOf()[0]) - offset(film.place), { times } = film, k = Math.max(before(times, at + 1e-9), 0), next = times[k + 1];
+  const part = next > times[k] ? Math.max((at - times[k]) / (next - times[k]), 0) : 0;
+  film.move(Object.fromEntries(film.signals.map((signal) => [signal.name, elementOf(instant(signal, k, part), 0, signal.shape)])), [], at);
+}
+
+// the values of an instant and a part of the way to the next one; whole numbers may be codes and stay
+function instant({ values, shape }, k, part) {
+  const size = shape.reduce((a, b) => a * b, 1), [now, later] = [k, k + 1].map((index) => values.subarray(index * size, (index + 1) * size));
+  return now.map((value, i) => (part && Number.isFinite(later[i]) && value % 1 ? value + part * (later[i] - value) : value));
 }
 
 // ---- the time cursor
 
 function goToTime(at) {
-  state.time = at;
-  chart.setTime(at);
+  state.time = chart.time = at;
+  if (playing) chart.draw(chart.changed); else chart.redraw(false); // at once: in a frame, curves, scene and values have one time
   placed();
   moved();
   refresh();

@@ -1,4 +1,4 @@
-// Sources of samples: a server that reads the runs' folders, or the page itself. Both have:
+// Sources of samples: a server that reads the runs' folders (server_source.js), or the page itself. Both have:
 //
 //   lines(specs, points)   -> [{x, y, t, head}]; a spec is {kind, signal, case, minus, shift, x, seeds, partners, part, window: [from, to]} in the run's own time
 //   values(specs, times)   -> [[value, ...], ...], null where not recorded
@@ -7,42 +7,10 @@
 //
 // A server also reports the progress of running runs: progress() -> {over, problem: [text], cases: [[begin, end, samples], ...]}
 
-import { before, decode, decodeArrays } from "./scale.js";
+import { before } from "./scale.js";
 import { extremes, unpack, valueAt, visible } from "./samples.js";
 
-const CASE = new URLSearchParams(location.search).get("case"); // of a study
-
-class ServerSource {
-  async request(path, body) {
-    const answer = await fetch(CASE ? `${path}?case=${encodeURIComponent(CASE)}` : path, { method: "POST", body: JSON.stringify(body), headers: { "content-type": "application/json" } });
-    if (!answer.ok) throw new Error(await answer.text());
-    return answer;
-  }
-
-  async lines(curves, points) {
-    const found = decode(await (await this.request("/lines", { curves, points })).arrayBuffer());
-    return found.curves.map((one, k) => ({ ...one, head: found.heads[k] }));
-  }
-
-  async statistics(curves) { return (await (await this.request("/statistics", { curves })).json()).statistics; }
-
-  async scene(number, window) {
-    const { header, numbers } = decodeArrays(await (await this.request("/scene", { case: number, window })).arrayBuffer());
-    let place = header.count;
-    const signals = header.signals.map(({ name, shape }) => {
-      const size = shape.reduce((a, b) => a * b, header.count);
-      place += size;
-      return { name, shape, values: numbers.subarray(place - size, place) };
-    });
-    return { views: header.views, times: numbers.subarray(0, header.count), signals };
-  }
-
-  async progress() { return (await this.request("/progress", {})).json(); }
-
-  async values(curves, times) {
-    return (await (await this.request("/values", { curves, times })).json()).values;
-  }
-}
+const LOOP = 10_000; // samples of an x-y plot at most
 
 class EmbeddedSource {
   constructor(about) {
@@ -92,13 +60,12 @@ class EmbeddedSource {
         const { x, y, head } = await this.whole(spec);
         if (spec.kind === "time") return { ...visible({ x, y }, ...spec.window, points), head };
         if (spec.kind === "spectrum") return await this.spectrum(spec, { x, y, head }, points);
+        await this.requireSamples(spec, "x-y plot");
         const begin = Math.max(before(x, spec.window[0]), 0), end = Math.min(before(x, spec.window[1]) + 2, x.length);
         const across = await this.whole({ ...spec, signal: spec.x, minus: null }); // of a difference, x of its own case
         const times = x.slice(begin, end), of = (one) => Float64Array.from(times, (time) => valueAt(one, time) ?? NaN);
-        const sides = [of(across), of({ x, y, head })]; // of many samples the extremes of both, as the server
-        const shown = times.length <= points ? null : [...new Set(sides.flatMap((side) => [...extremes(Float64Array.from(side.keys()), side, 0, side.length, points / 2).x]))].sort((a, b) => a - b);
-        const [u, v, t] = shown ? [...sides, times].map((side) => Float64Array.from(shown, (k) => side[k])) : [...sides, times];
-        return { x: u, y: v, t, head: { ...head, x_unit: across.head.unit } };
+        const step = Math.ceil(times.length / LOOP), [u, v, t] = [of(across), of({ x, y, head }), times].map((all) => all.filter((_, k) => k % step === 0));
+        return { x: u, y: v, t, count: times.length, head: { ...head, x_unit: across.head.unit } };
       } catch (error) {
         return { x: [], y: [], head: { error: error.message } };
       }
@@ -141,7 +108,7 @@ class EmbeddedSource {
   async scene(number) {
     const film = this.film?.case === number ? this.film : null;
     if (!film) return { views: [], times: [], signals: [] };
-    const signals = await Promise.all(film.signals.map(async ({ name, shape, y }) => ({ name, shape, values: await unpack(y) })));
+    const signals = await Promise.all(film.signals.map(async (signal) => ({ ...signal, values: await unpack(signal.y) })));
     return { views: film.views, times: await unpack(film.x), signals };
   }
 }

@@ -77,17 +77,12 @@ function overSeeds(parts) {
 function valueTable(lines, values, statistics) {
   const table = element("table", ""), [from, to] = windowOf(), [a, b] = state.cursors, both = b !== undefined, second = (value) => `${readableTime(value, from, to)} s`, isMerged = statistics.some(({ ranges }) => ranges);
   const row = (cells, tag = "td") => { const made = table.insertRow(); cells.forEach((text) => made.append(element(tag, text))); return made; };
-  const cursors = [...(a === undefined ? [] : ["t1"]), ...(both ? ["t2", "t2 − t1"] : []), ...(state.time === null ? [] : ["now"])];
-  row(["", ...cursors.map((name) => name.replace(/^t.$/, "at $&")), ...STATISTICS.map(([name, title]) => (isMerged && WORST[name] ? `${title} (${WORST[name]})` : title)), isMixed(lines) || !lines.length ? "slope" : `slope ${slopeUnit(lines[0].pane.unit)}`, "rate [Hz]"], "th");
-  if (cursors.length || innerWidth > NARROW) { // the row is there before its times, so that a cursor moves nothing
-    const found = { t1: a, t2: b, "t2 − t1": b - a, now: state.time }, made = row([cursors.length ? "time" : "\u00a0", ...cursors.map((name) => second(found[name])), ...Array(STATISTICS.length + 2).fill("")]);
-    if (state.time !== null) made.cells[cursors.length].now = () => second(state.time);
-    if (both && a !== b) {
-      Object.assign(made.cells[cursors.length + 1], { textContent: `1 / (t2 − t1): ${number(1 / Math.abs(b - a), 0)} Hz`, colSpan: 3 });
-      made.deleteCell(-1);
-      made.deleteCell(-1);
-    }
-  }
+  const cursors = [...(a === undefined ? [] : ["t1"]), ...(both ? ["t2", "t2 − t1"] : []), ...(state.time === null ? [] : ["now"])], times = { t1: a, t2: b, "t2 − t1": b - a, now: state.time };
+  const head = [["", both && a !== b ? `1 / (t2 − t1): ${number(1 / Math.abs(b - a), 0)} Hz` : ""], ...cursors.map((name) => [name.replace(/^t.$/, "at $&"), second(times[name])]),
+                ...STATISTICS.map(([name, title]) => [title, isMerged && WORST[name] ? `(${WORST[name]})` : ""]), ["slope", isMixed(lines) || !lines.length ? "" : slopeUnit(lines[0].pane.unit)], ["rate", "[Hz]"]];
+  const made = row(head.map(([title]) => title), "th");
+  head.forEach(([, text], k) => made.cells[k].append(element("small", text)));
+  if (state.time !== null) made.cells[cursors.length].lastChild.now = () => second(state.time);
   const entries = lines.map((line, k) => {
     const [first, second] = values[k] || [];
     return { line, ...statistics[k], t1: first, t2: second, "t2 − t1": Number.isFinite(first) && Number.isFinite(second) ? second - first : null, now: values[k]?.[state.cursors.length] };
@@ -114,7 +109,7 @@ function paneRows(entries, cursors, row, mixed) {
   const columns = [...[...cursors, ...STATISTICS.map(([name]) => name)].map((name) => [name, step]), ["slope", 10 * step / (to - from)], ["rate", 0]];
   const texts = columns.map(([name, own]) => columnTexts(entries.map((each) => each[name]), own));
   entries.forEach(({ line, count, thinned, ranges }, k) => {
-    if (line.pane !== entries[k - 1]?.line.pane) row([`${line.pane.title}${unit ? ` [${unit}]` : ""}`, ...Array(columns.length - 5).fill(""), mixed ? slopeUnit(unit) : "", ""], "th").firstChild.colSpan = 4;
+    if (line.pane !== entries[k - 1]?.line.pane) Object.assign(row([`${line.pane.title}${unit ? ` [${unit}]` : ""}`, ...Array(columns.length - 5).fill(""), mixed ? slopeUnit(unit) : "", ""], "th").firstChild, { colSpan: 4, pane: line.pane });
     const made = row(["", ...texts.map((column) => column[k])]);
     made.firstChild.append(swatch(line), differ ? line.label : line.label.replace(SEEDS, ""), element("small", partOf(line, count)));
     for (const [name, [low, high]] of Object.entries(ranges ?? {})) made.cells[1 + columns.findIndex(([own]) => own === name)].title = `seeds: ${digits(low)} to ${digits(high)}`;
@@ -123,8 +118,15 @@ function paneRows(entries, cursors, row, mixed) {
   });
 }
 
+// the rows of the pane that is read come first
+function bringRows(pane) {
+  const heads = [...find("values").querySelectorAll("th")], title = heads.find((one) => one.pane === pane);
+  if (title && bringRows.last !== pane) find("values").scrollTop += title.getBoundingClientRect().top - heads[0].getBoundingClientRect().bottom;
+  if (title) bringRows.last = pane;
+}
+
 // while the time cursor moves, its column has the values of the drawn samples: a request would be late
-function refresh() { if (state.time !== null) for (const cell of find("values").querySelectorAll("td, th")) if (cell.now) cell.textContent = cell.now(); }
+function refresh() { if (state.time !== null) for (const cell of find("values").querySelectorAll("td, small")) if (cell.now) cell.textContent = cell.now(); }
 
 // what a screen can show of the smallest range of several curves, at most a part of the largest value; 0 if all are constant
 function resolution(entries) {
@@ -190,7 +192,7 @@ function expectations() {
   box.querySelector("div").replaceChildren(...problem.map((text) => element("p", text, { className: "twin-soft" })), ...folds);
 }
 
-// a page of one file need not have the signal of a requirement or a metric
+// a page of one file need not have the signal of a requirement
 const absent = ({ signal }) => (signal && !nameInPage(signal) ? element("small", " (signal not in this page)") : "");
 
 const referenced = (own) => own.flatMap(({ rows }) => rows).filter((row) => row.reference !== null), compared = (own) => referenced(own).filter(({ verdict }) => verdict === "pass" || verdict === "fail");
@@ -211,7 +213,7 @@ function metrics() {
   box.querySelector("div").replaceChildren(...byName(about.metrics, ({ name, unit }) => `${name} ${unit}`).map((own) => {
     const [one] = own, found = element("div", "", { className: "metric" }), table = element("table", ""), reference = referenced(own).length > 0;
     const name = button(`${one.description || one.name}${one.unit ? ` [${one.unit}]` : ""}`, () => goTo({ ...one, metric: one.name, spans: {} }), { className: "name", title: `${one.name}: ${one.definition}`, disabled: !one.signal || !nameInPage(one.signal) });
-    name.append(" ", absent(one));
+    name.append(" ", element("small", one.name)); // as commands and tables call it
     found.append(name, table);
     const head = table.insertRow(), titles = [...(several ? about.runs.map((run) => run.letter) : reference ? ["twin"] : []), ...(isPair ? ["B − A"] : []), ...(reference ? ["paper"] : []), ...(reference && !several ? [compared(own).length ? one.tolerance ?? "" : ""] : [])];
     if (titles.length) ["", ...titles].forEach((text) => head.append(element("th", text)));

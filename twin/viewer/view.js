@@ -73,6 +73,8 @@ class Panes extends Chart {
 
   zoom(from, to) { super.zoom(...inRuns(from, to)); }
 
+  setHover(hover) { super.setHover(hover); if (hover) bringRows(this.panes[hover.pane]); }
+
   legend(one, index) {
     const line = super.legend(one, index), isUnfolded = this.unfolded.has(one.place);
     line.classList.toggle("unfolded", isUnfolded);
@@ -84,6 +86,7 @@ class Panes extends Chart {
     const level = one.limits?.find(({ name }) => name);
     if (level) line.append(element("span", `dashed: ${level.name} of each curve`, { className: "hidden" }));
     if (one.violations?.length) line.append(element("span", `red: fails ${one.violations.join("; ")}`, { className: "violations" }));
+    one.thinned = line.querySelector(".twin-pane-title").appendChild(element("span", ""));
     line.append(menu(one.place));
     return line;
   }
@@ -97,7 +100,7 @@ class Panes extends Chart {
 
   // some rows of names, and a button for the others
   measure() {
-    const rows = innerWidth <= NARROW ? 4 : this.panes.length > 2 ? 1 : 2;
+    const rows = innerWidth <= NARROW ? 4 : this.panes.length > 2 ? 2 : 3;
     for (const line of this.legends.children) {
       const names = line.firstChild, tops = [...new Set([...names.children].map((one) => one.offsetTop))].sort((a, b) => a - b), isLong = tops.length > rows;
       line.classList.toggle("long", isLong);
@@ -109,12 +112,14 @@ class Panes extends Chart {
   // how far a run is from run A; a difference that is zero in the visible window would otherwise look like a curve that is missing
   values(one) {
     super.values(one);
-    let wraps = false;
+    const loop = one.curves.map(({ name }) => this.data[name]).find((data) => data?.t && data.count > data.t.length), texts = [[one.thinned, loop ? `, drawn through ${loop.t.length} of ${loop.count} samples: choose a shorter time` : ""]];
     for (const { equality, item, name } of one.curves) {
-      const y = item.minus === null ? [] : [...(this.data[name]?.y ?? [])].filter((value) => !Number.isNaN(value)), text = item.minus === null ? distances.get(name) ?? "" : y.length && y.every((value) => value === 0) ? "(equal)" : "";
-      if (equality.textContent !== text) { equality.textContent = text; wraps = true; }
+      const y = item.minus === null ? [] : [...(this.data[name]?.y ?? [])].filter((value) => !Number.isNaN(value));
+      texts.push([equality, item.minus === null ? distances.get(name) ?? "" : y.length && y.every((value) => value === 0) ? "(equal)" : ""]);
     }
-    if (wraps) this.measure();
+    const changed = texts.filter(([span, text]) => span.textContent !== text);
+    for (const [span, text] of changed) span.textContent = text;
+    if (changed.length) this.measure();
   }
 }
 
@@ -123,7 +128,6 @@ function show() {
   const panes = laid();
   makeRoom();
   find("chart").style.setProperty("--panes", Math.max(panes.length, 1));
-  find("chart").style.setProperty("--least", panes.length > 2 ? "11vh" : "13vh"); // three panes are seen together
   chart.window = state.window;
   chart.setPanes(panes);
   chart.setCursors(state.cursors);

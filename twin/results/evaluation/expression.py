@@ -7,6 +7,7 @@ nodes listed here are evaluated. Every signal is in coherent SI units, regardles
 from __future__ import annotations
 
 import ast
+import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -106,8 +107,10 @@ def parse(text: Any) -> Expression:
         tree = ast.parse(text.strip(), mode="eval").body
         signals: dict[str, SignalReference] = {}
         collect_signals(tree, text, signals)
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise ScenarioError(f"`{text.strip()}` is not an expression. {SYNTAX_HINT}") from None
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        bracket = re.match(r"'.' was never closed|unmatched '.'", getattr(error, "msg", ""))
+        reason = f": {bracket[0]}" if bracket else ""
+        raise ScenarioError(f"`{text.strip()}` is not an expression{reason}. {SYNTAX_HINT}") from None
     return Expression(text.strip(), tuple(signals.values()), tree)
 
 

@@ -19,7 +19,7 @@ import { before, number } from "./scale.js";
 import { BOTTOM, GAP, LEFT, NAME, RIGHT, STRIP, TIMES, paintCurves, paintOverlays } from "./painter.js";
 import { listenTo } from "./pointer.js";
 
-const PERIOD = 1000 / 31, TICK = PERIOD / 4, ROW = 24, SMALLEST = 24, AWAY = 24, LARGE = 0.4; // [ms], [ms]; height of a row of the legend, least height of a pane, distance of the read-out [px]; part of a pane that it may cover
+const PERIOD = 1000 / 31, TICK = PERIOD / 4, ROW = 24, SMALLEST = 24, AWAY = 24, SLIM = 500, LARGE = 0.4; // [ms], [ms]; height of a row of the legend, least height of a pane, distance of the read-out, width of a chart with several lines of names [px]; part of a pane that it may cover
 const SVG = "http://www.w3.org/2000/svg";
 
 export class Chart {
@@ -204,7 +204,8 @@ export class Chart {
   // heights below the panes, where numbers of an axis and names of marks stand
   below() {
     const timed = this.panes.findLastIndex((pane) => !pane.own);
-    return this.panes.map((pane, index) => (pane.own ? BOTTOM + NAME : index === timed ? BOTTOM : TIMES) + (index === timed && this.marks.length ? STRIP : 0));
+    this.strips = Math.min(this.marks.length, this.width < SLIM ? 3 : 1); // lines of the names of marks
+    return this.panes.map((pane, index) => (pane.own ? BOTTOM + NAME : index === timed ? BOTTOM : TIMES) + (index === timed ? STRIP * this.strips : 0));
   }
 
   places() {

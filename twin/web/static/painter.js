@@ -255,20 +255,20 @@ function drawHover(chart, context, pane, box) {
   }
 }
 
-// names of the marks, in one line below the last pane, those that are `first` before others; a name that would cover another is left out
+// names of the marks below the last pane, those that are `first` before others, in lines of which each name takes the first with room; a name that would cover others is left out
 function drawStrip(chart, context, box) {
-  const y = box.top + box.height + BOTTOM;
+  const y = box.top + box.height + BOTTOM, lines = Array.from({ length: chart.strips }, () => []);
   context.font = "11px system-ui, sans-serif"; context.textBaseline = "top"; context.textAlign = "left";
   context.fillStyle = chart.colors.accent;
-  const taken = [];
   for (const mark of [...chart.marks].sort((a, b) => !!b.first - !!a.first)) {
     const at = box.across(mark.at);
     if (!(at >= LEFT && at <= chart.width - RIGHT)) continue;
     context.fillRect(at - 1, y - 7, 2, 6); // above the names, which it would cross
-    const text = mark.text || "", wide = context.measureText(text).width, left = Math.min(at - 1, chart.width - RIGHT - wide);
-    if (taken.some(([from, to]) => left < to && left + wide + 8 > from)) continue;
-    context.fillText(text, left, y);
-    taken.push([left, left + wide + 8]);
+    const text = mark.text || "", wide = context.measureText(text).width, left = Math.max(Math.min(at - 1, chart.width - RIGHT - wide), 0);
+    const free = lines.findIndex((taken) => !taken.some(([from, to]) => left < to && left + wide + 8 > from));
+    if (free < 0) continue;
+    context.fillText(text, left, y + free * STRIP);
+    lines[free].push([left, left + wide + 8]);
   }
 }
 
@@ -306,4 +306,6 @@ function fillBetween(context, low, high, { across, down }) {
   for (let k = 0; k < low.x.length; k++) context.lineTo(across(low.x[k]), down(low.y[k]));
   for (let k = high.x.length - 1; k >= 0; k--) context.lineTo(across(high.x[k]), down(high.y[k]));
   context.fill();
+  Object.assign(context, { globalAlpha: Math.min(3 * context.globalAlpha, 1), lineWidth: 0.6 }); // an edge, seen on a wide line of another run
+  context.stroke();
 }
