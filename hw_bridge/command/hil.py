@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.options import BusChoice, OptionError, paragraph, table
+from hw_bridge.command.bench.options import (
+    BUS,
+    BusChoice,
+    OptionError,
+    is_from_environment,
+    note_leftovers,
+    paragraph,
+    table,
+)
 from hw_bridge.commission import (
     DUPLICATE_ID,
     SdoSession,
@@ -37,16 +45,7 @@ __all__ = ["bench_network", "command", "compare_bus", "profile_title_of"]
 
 WRITE_HEAD = ("object", "name", "before", "after", "why")
 RAW = re.compile(r" \([^()]*\)$")  # value in the drive's own unit, behind a quantity
-SHOWN = 4  # names of objects that an interrupted run has left
 PDO_OBJECT = re.compile(r"1[4-9AB]")  # 1400h to 1BFFh
-
-HARDWARE = click.option(
-    "--hardware",
-    "-f",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Hardware file that names the bus and its nodes.",
-)
 
 COMMANDS = {  # file of hw_bridge.command.bench and what it does, in the order of commissioning
     "scan": ("look", "list the nodes: vendor, product, profile, state, errors"),
@@ -144,7 +143,7 @@ class Findings:
 
 @command.command("check", short_help="compare the bus with a hardware file")
 @click.argument("file", type=click.Path(path_type=Path), metavar="", required=False)
-@HARDWARE
+@BUS[0]
 @click.option("--verbose", is_flag=True, help="Also reasons, the drive's own settings, and the effect of each limit.")
 @build_option
 def check(file: Path | None, hardware: Path | None, verbose: bool, build: Path) -> None:
@@ -152,8 +151,10 @@ def check(file: Path | None, hardware: Path | None, verbose: bool, build: Path) 
 
     Prints what differs, notes, and each object that a run writes, before and after. Exit code 1 if anything differs.
     """
+    if file is not None and is_from_environment():
+        hardware = None
     if (file is None) == (hardware is None):
-        raise OptionError("Name the hardware file: twin hil check -f FILE.")
+        raise OptionError("Name the hardware file: twin hil check -f FILE, or set TWIN_HARDWARE.")
     file = file or hardware
     assert file is not None
     keys = load(file)
@@ -162,7 +163,7 @@ def check(file: Path | None, hardware: Path | None, verbose: bool, build: Path) 
     findings.tables += [
         (f"{', '.join(names)}: effect of each limit", rows) for names, rows in limit_effects.grouped(keys, absent)
     ]
-    bus = BusChoice(file, None, None, keys.bit_rate, {}, None, build)
+    bus = BusChoice(file, build=build)
     for texts in (findings.problems, findings.notes):
         texts[:] = map(bus.complete, texts)
     findings.show(verbose)
@@ -258,15 +259,13 @@ def unrestored(master: Master, station: Node | ModuleNode) -> list[str]:
     if master.keys.simulated:
         return problems
     try:
-        left = nvm.unrestored_objects(station, restoration.folder_of(master.keys))
+        folder = restoration.folder_of(master.keys)
+        left, text = nvm.unrestored_objects(station, folder), nvm.unrestored_text(station, folder)
     except SimulationError as error:  # it is damaged, or a running program holds it
         return [*problems, str(error)]
     station.unrestored = {change.address: change.before for change in left if change.before}
     if left:
-        problems.append(
-            f"{station.name}: a killed command left {len(left)} objects as it wrote them. Reset, then restore them: twin hil "
-            f"restore {station.name} -f FILE. The next run does it first, too. `before` is the value that is restored."
-        )
+        problems.append(f"{text} -f FILE. The next run does it first, too. `before` is the value that is restored.")
     return problems
 
 
@@ -285,19 +284,21 @@ def brief(rows: Sequence[PlannedRow]) -> list[Sequence[str]]:
 @command.command("reset", short_help="leave Fault, once the cause is known")
 @click.argument("file", type=click.Path(path_type=Path), metavar="[NODE]", required=False)
 @click.argument("node", required=False, metavar="")
-@HARDWARE
+@BUS[0]
 @build_option
 def reset(file: Path | None, node: str | None, hardware: Path | None, build: Path) -> None:
     """Tell what each drive in Fault, or NODE alone, says (603Fh, 1003h), then reset it. Power stages stay off, nothing moves.
 
     A run never does this by itself. Exit code 1 if a drive is another one, or stays in Fault.
     """
-    from hw_bridge.master import Master, restoration
+    from hw_bridge.master import Master
 
+    if file is not None and is_from_environment() and (node is not None or file.suffix):
+        hardware = None
     if hardware is not None and node is None:  # the only argument is the node
         file, node = hardware, None if file is None else str(file)
     elif file is None or hardware is not None:
-        raise OptionError("Name the hardware file: twin hil reset [NODE] -f FILE.")
+        raise OptionError("Name the hardware file: twin hil reset [NODE] -f FILE, or set TWIN_HARDWARE.")
     keys = load(file)
     master = Master(keys, bench_network(keys, build))
     try:
@@ -305,28 +306,12 @@ def reset(file: Path | None, node: str | None, hardware: Path | None, build: Pat
         chosen = [*master.nodes.values()] if node is None else [master.nodes[axis(file, keys, node).name]]
         results = [reset_drive(master, drive) for drive in chosen]
         for drive, is_free in zip(chosen, results, strict=True):
-            if is_free and not keys.simulated:
-                note_leftovers(drive, file, restoration.folder_of(keys))
+            if is_free:
+                note_leftovers(BusChoice(file, build=build), drive)
     finally:
         master.network.close()
     if not all(results):
         sys.exit(1)
-
-
-def note_leftovers(node: Node, file: Path, folder: Path) -> None:
-    """Print a note on the objects that an interrupted run wrote and that are not restored, by the journal in `folder`."""
-    from hw_bridge.commission import nvm
-
-    try:
-        left = nvm.unrestored_objects(node, folder)
-    except SimulationError as error:  # a running program holds the journal
-        paragraph(f"note: {error}")
-        return
-    if left:
-        paragraph(
-            f"note: {node.name}: {len(left)} objects hold what an interrupted run wrote: {', '.join(change.name for change in left[:SHOWN])}{', ...' if len(left) > SHOWN else ''}. Restore them: "
-            f"twin hil restore {node.name} -f {file}. The next run does it first, too."
-        )
 
 
 def reset_drive(master: Master, node: Node) -> bool:

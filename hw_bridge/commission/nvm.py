@@ -45,9 +45,10 @@ def unrestored_text(node: Station, folder: Path) -> str:
     """Sentence on the values that a run wrote and did not restore, with the remedy; empty if there are none."""
     if not (left := unrestored_objects(node, folder)):
         return ""
+    what, them = ("1 object", "it") if len(left) == 1 else (f"{len(left)} objects", "them")
     return (
-        f"{node.name}: holds {len(left)} values that a run wrote and did not restore ({', '.join(change.name for change in left[:4])}"
-        f"{', ...' if len(left) > 4 else ''}). Restore them first: twin hil restore {node.number}"
+        f"{node.name}: a killed run left {what} as it wrote {them} ({', '.join(change.name for change in left[:4])}"
+        f"{', ...' if len(left) > 4 else ''}). Restore {them}: twin hil restore {node.number}"
     )
 
 

@@ -213,7 +213,7 @@ def test_what_a_killed_command_left_is_a_problem(monkeypatch, tmp_path):
     findings = hil.unready(master, node)
     assert findings.problems[0].startswith("axis: reports an earlier error (1001h is 11h)")
     assert findings.problems[1].startswith(
-        "axis: a killed command left 1 objects as it wrote them. Reset, then restore"
+        "axis: a killed run left 1 object as it wrote it (6067h.0). Restore it: twin hil restore 3 -f FILE."
     )
     before = next(row[2:4] for row in findings.tables[0][1] if row[0] == "6067h.0")
     assert [text.partition(" ")[0] for text in before] == ["0.007", "0.05"]
@@ -226,6 +226,12 @@ def test_the_hardware_file_is_an_option_too(monkeypatch, tmp_path, words):
     line = [str(tmp_path / "b.yaml") if word == "FILE" else word for word in words]
     assert CliRunner().invoke(hil.command, line).exit_code == 7
     assert opened == [tmp_path / "b.yaml"]
+    others = [word for word, before in zip(line, ["", *line], strict=False) if "-f" not in (word, before)]
+    monkeypatch.setenv("TWIN_HARDWARE", str(tmp_path / "b.yaml"))
+    assert CliRunner().invoke(hil.command, others).exit_code == 7
+    assert CliRunner().invoke(hil.command, [others[0], "typed.yaml", *others[1:]]).exit_code == 7
+    assert opened[1:] == [tmp_path / "b.yaml", Path("typed.yaml")]  # what is typed counts
+    monkeypatch.delenv("TWIN_HARDWARE")
     for wrong in ([words[0]], [words[0], "a.yaml", "axis", "-f", "x"]):
         assert CliRunner().invoke(hil.command, wrong).exit_code == 2
 
@@ -293,12 +299,17 @@ def test_a_drive_leaves_fault(capsys, values, problems, after, is_free, text):
 def test_what_is_not_restored_is_told_after_a_reset(capsys, monkeypatch, tmp_path):
     left = {"axis": [ObjectChange(0x6083, 0, b"\1"), ObjectChange(0x1600, 1, b"\1")], "other": []}
     monkeypatch.setattr("hw_bridge.commission.nvm.unrestored_objects", lambda node, _: left[node.name])
+    file = tmp_path / "b.yaml"
+    file.write_text("interface: socketcan\nchannel: can0\nnodes:\n  axis: {node: 3, profile: faulhaber_v3}\n")
     for name in left:
-        hil.note_leftovers(SimpleNamespace(name=name), Path("b.yaml"), tmp_path)
+        names = hil.note_leftovers(hil.BusChoice(file), SimpleNamespace(name=name, number=3))
+        assert names == {change.name for change in left[name]}
     text = " ".join(capsys.readouterr().out.split())
-    assert text.startswith("note: axis: 2 objects hold what an interrupted run wrote: 6083h.0, 1600h.1. Restore them: ")
-    assert "twin hil restore axis -f b.yaml" in text
-    assert "other" not in text
+    assert text == (
+        f"note: axis: a killed run left 2 objects as it wrote them (6083h.0, 1600h.1). Restore them: twin hil restore 3 -f {file}"
+    )
+    file.write_text("simulated: true\nnodes:\n  axis: {node: 3, profile: faulhaber_v3}\n")
+    assert hil.note_leftovers(hil.BusChoice(file), SimpleNamespace(name="axis", number=3)) == set()  # a new drive
 
 
 @every_case(

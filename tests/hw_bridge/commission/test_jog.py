@@ -173,7 +173,11 @@ def test_it_stops_whatever_ends_it(drive, jog, hil_command, end):
             if end != "bus":
                 text = " ".join(hil_command("check", "-f", drive.file, code=1).split())
                 assert "differs: servomotor: reports an earlier error" in text
-                assert "differs: servomotor: a killed command left" in text
+                assert "differs: servomotor: a killed run left" in text
+                for words in (["status", "1"], ["scan"]):  # the values are not the drive's own
+                    told = " ".join(hil_command(*words, "-f", drive.file).split())
+                    assert f"Restore them: twin hil restore 1 -f {drive.file}" in told
+                    assert (words == ["scan"]) is not ("(of the killed run)" in told)
             assert "reports an earlier error" in hil_command("move", 1, "--by", "1 mm", "-f", drive.file, code=1)
             assert "8130h node guarding or heartbeat" in " ".join(hil_command("reset", drive.file).split())
 
