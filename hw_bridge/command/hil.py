@@ -11,15 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.options import (
-    BUS,
-    BusChoice,
-    OptionError,
-    is_from_environment,
-    note_leftovers,
-    paragraph,
-    table,
-)
+from hw_bridge.command.bench.options import BUS, BusChoice, OptionError, note_leftovers, paragraph, table
 from hw_bridge.commission import (
     DUPLICATE_ID,
     SdoSession,
@@ -142,22 +134,15 @@ class Findings:
 
 
 @command.command("check", short_help="compare the bus with a hardware file")
-@click.argument("file", type=click.Path(path_type=Path), metavar="", required=False)
 @BUS[0]
 @click.option("--verbose", is_flag=True, help="Also reasons, the drive's own settings, and the effect of each limit.")
 @build_option
-def check(file: Path | None, hardware: Path | None, verbose: bool, build: Path) -> None:
+def check(hardware: Path | None, verbose: bool, build: Path) -> None:
     """Scan all node-IDs, identify each drive, compare with the hardware file. Nothing moves, nothing is written.
 
     Prints what differs, notes, and each object that a run writes, before and after. Exit code 1 if anything differs.
     """
-    if file is not None and is_from_environment():
-        hardware = None
-    if (file is None) == (hardware is None):
-        raise OptionError("Name the hardware file: twin hil check -f FILE, or set TWIN_HARDWARE.")
-    file = file or hardware
-    assert file is not None
-    keys = load(file)
+    keys = load(file := named(hardware))
     absent: dict[str, Collection[int]] = {}
     findings = compare_bus(keys, build, {name: axis(file, keys, name).rotary for name in keys.nodes}, absent)
     findings.tables += [
@@ -170,6 +155,13 @@ def check(file: Path | None, hardware: Path | None, verbose: bool, build: Path) 
     paragraph(findings.verdict)
     if findings.problems:
         sys.exit(1)
+
+
+def named(hardware: Path | None) -> Path:
+    """The hardware file of the command line; OptionError without one."""
+    if hardware is None:
+        raise OptionError("Name the hardware file: -f FILE, or set TWIN_HARDWARE.")
+    return hardware
 
 
 def compare_bus(
@@ -282,24 +274,17 @@ def brief(rows: Sequence[PlannedRow]) -> list[Sequence[str]]:
 
 
 @command.command("reset", short_help="leave Fault, once the cause is known")
-@click.argument("file", type=click.Path(path_type=Path), metavar="[NODE]", required=False)
-@click.argument("node", required=False, metavar="")
+@click.argument("node", required=False, metavar="[NODE]")
 @BUS[0]
 @build_option
-def reset(file: Path | None, node: str | None, hardware: Path | None, build: Path) -> None:
+def reset(node: str | None, hardware: Path | None, build: Path) -> None:
     """Tell what each drive in Fault, or NODE alone, says (603Fh, 1003h), then reset it. Power stages stay off, nothing moves.
 
     A run never does this by itself. Exit code 1 if a drive is another one, or stays in Fault.
     """
     from hw_bridge.master import Master
 
-    if file is not None and is_from_environment() and (node is not None or file.suffix):
-        hardware = None
-    if hardware is not None and node is None:  # the only argument is the node
-        file, node = hardware, None if file is None else str(file)
-    elif file is None or hardware is not None:
-        raise OptionError("Name the hardware file: twin hil reset [NODE] -f FILE, or set TWIN_HARDWARE.")
-    keys = load(file)
+    keys = load(file := named(hardware))
     master = Master(keys, bench_network(keys, build))
     try:
         master.wait(500_000_000)

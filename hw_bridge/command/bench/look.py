@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.options import NODE, PROFILE, WIDTH, OptionError, note_leftovers, on_a_bus, paragraph, table
+from hw_bridge.command.bench.options import (
+    NODE,
+    PROFILE,
+    WIDTH,
+    OptionError,
+    note_leftovers,
+    on_a_bus,
+    paragraph,
+    table,
+)
 from twin.cli import say
 from twin.errors import SimulationError
 

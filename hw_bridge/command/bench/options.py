@@ -133,11 +133,6 @@ class BusChoice:
             yield sdo_session
 
 
-def is_from_environment() -> bool:
-    """Whether TWIN_HARDWARE names the hardware file: what is typed instead counts."""
-    return click.get_current_context().get_parameter_source("hardware") is ParameterSource.ENVIRONMENT
-
-
 def note_leftovers(bus: BusChoice, station: Station, indent: int = 0) -> set[str]:
     """Print a note on the objects that a killed run wrote and that are not restored; return their names, such as 6085h.0."""
     from hw_bridge.commission import nvm
@@ -152,13 +147,6 @@ def note_leftovers(bus: BusChoice, station: Station, indent: int = 0) -> set[str
     if text:
         paragraph(f"note: {bus.complete(text)}", indent)
     return names
-
-
-def named(options: tuple[str, ...]) -> dict[str, Any]:
-    """Arguments of python-can's interface by name."""
-    from hw_bridge.command.drive import named as read
-
-    return read(options)
 
 
 BUS = (
@@ -223,7 +211,10 @@ def on_a_bus(function: Callable[..., Any]) -> Callable[..., Any]:
         build: Path,
         **others: Any,
     ) -> Any:
-        if interface and is_from_environment():
+        from hw_bridge.command.drive import named
+
+        from_environment = click.get_current_context().get_parameter_source("hardware") is ParameterSource.ENVIRONMENT
+        if from_environment and interface:  # what is typed counts
             hardware = None
         bus = BusChoice(hardware, interface, channel, bitrate, named(options), trace, build)
         try:

@@ -329,6 +329,8 @@ def show_final(session: SingleAxisSession) -> None:
 
 def show_live(session: SingleAxisSession, is_page: bool = False, is_final: bool = False) -> None:
     """Print position, velocity, current and the session's note on one line, again and again; on a page also the state."""
+    from hw_bridge.dictionary import cia402
+
     node, now = session.node, session.network.now
     if not is_final and (now < session.next_line or session.counts_anew()):
         return
@@ -337,11 +339,15 @@ def show_live(session: SingleAxisSession, is_page: bool = False, is_final: bool 
     mark = {1: ">", -1: "<"}.get((speed > 0) - (speed < 0), " ")
     velocity = node.velocity if is_final else session.mean_velocity()
     position, speed_text = node.format_length(node.position), f"{node.format_length(velocity)}/s"
-    current = node.current
     if is_page:
-        values = f"position {position:>10} {session.origin}, velocity {speed_text:>9}, current {current:6.3f} A, {node.state}"
+        current = (
+            "-" if is_final and node.state in cia402.AT_REST else f"{node.current:.3f}"
+        )  # that of before is no reading
+        values = (
+            f"position {position:>10} {session.origin}, velocity {speed_text:>9}, current {current:>6} A, {node.state}"
+        )
     else:
-        values = f"{position:>10} {session.origin:<14} {speed_text:>12} {current:6.2f} A"
+        values = f"{position:>10} {session.origin:<14} {speed_text:>12} {node.current:6.2f} A"
     note = f"{NO_DATA} {1e-9 * node.silent * session.cycle:.2f} s" if node.silent > 1 else session.note
     sys.stdout.write(f"\r{mark} {values}   {note:<27}{chr(13) if is_page else ''}")
     sys.stdout.flush()

@@ -2,7 +2,6 @@
 
 import re
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -116,7 +115,7 @@ def test_a_doubled_drive_is_not_asked_whether_it_moves(bench):
 
 
 def test_the_command_shows_limits_and_differences(bench):
-    done = CliRunner().invoke(hil.command, ["check", str(bench.file), "--verbose"])
+    done = CliRunner().invoke(hil.command, ["check", "-f", str(bench.file), "--verbose"])
     assert done.exit_code == 0
     lines = done.output.splitlines()
     assert lines[0].startswith("node 3: a drive")
@@ -126,7 +125,7 @@ def test_the_command_shows_limits_and_differences(bench):
     ]
     assert lines[-1] == "Bus and hardware file agree."
     bench.scanned.pop()
-    done = CliRunner().invoke(hil.command, ["check", str(bench.file)])
+    done = CliRunner().invoke(hil.command, ["check", "-f", str(bench.file)])
     assert done.exit_code == 1
     node, difference, verdict = done.output.splitlines()
     assert difference == "differs: other: node 4 does not answer. Check its power and node-ID."
@@ -226,11 +225,10 @@ def test_the_hardware_file_is_an_option_too(monkeypatch, tmp_path, words):
     line = [str(tmp_path / "b.yaml") if word == "FILE" else word for word in words]
     assert CliRunner().invoke(hil.command, line).exit_code == 7
     assert opened == [tmp_path / "b.yaml"]
-    others = [word for word, before in zip(line, ["", *line], strict=False) if "-f" not in (word, before)]
-    monkeypatch.setenv("TWIN_HARDWARE", str(tmp_path / "b.yaml"))
-    assert CliRunner().invoke(hil.command, others).exit_code == 7
-    assert CliRunner().invoke(hil.command, [others[0], "typed.yaml", *others[1:]]).exit_code == 7
-    assert opened[1:] == [tmp_path / "b.yaml", Path("typed.yaml")]  # what is typed counts
+    monkeypatch.setenv("TWIN_HARDWARE", str(tmp_path / "set.yaml"))
+    for each in (line, [word for word in line if word not in ("-f", line[2])]):
+        assert CliRunner().invoke(hil.command, each).exit_code == 7
+    assert opened[1:] == [tmp_path / "b.yaml", tmp_path / "set.yaml"]  # what is typed counts
     monkeypatch.delenv("TWIN_HARDWARE")
     for wrong in ([words[0]], [words[0], "a.yaml", "axis", "-f", "x"]):
         assert CliRunner().invoke(hil.command, wrong).exit_code == 2
@@ -301,9 +299,9 @@ def test_what_is_not_restored_is_told_after_a_reset(capsys, monkeypatch, tmp_pat
     monkeypatch.setattr("hw_bridge.commission.nvm.unrestored_objects", lambda node, _: left[node.name])
     file = tmp_path / "b.yaml"
     file.write_text("interface: socketcan\nchannel: can0\nnodes:\n  axis: {node: 3, profile: faulhaber_v3}\n")
-    for name in left:
+    for name, changes in left.items():
         names = hil.note_leftovers(hil.BusChoice(file), SimpleNamespace(name=name, number=3))
-        assert names == {change.name for change in left[name]}
+        assert names == {change.name for change in changes}
     text = " ".join(capsys.readouterr().out.split())
     assert text == (
         f"note: axis: a killed run left 2 objects as it wrote them (6083h.0, 1600h.1). Restore them: twin hil restore 3 -f {file}"

@@ -102,7 +102,9 @@ def test_an_object_is_set_and_stored(run):
 
 def test_a_value_that_is_set_is_shown_first_and_can_be_set_back(run):
     text = run("set", "axis", "6083h", "0.3 m/s^2", "--dry-run")
-    assert text == "axis: 6083h.0 Profile acceleration: 1 m/s^2 (1000) -> 0.3 m/s^2 (300). Nothing is written (--dry-run)."
+    assert (
+        text == "axis: 6083h.0 Profile acceleration: 1 m/s^2 (1000) -> 0.3 m/s^2 (300). Nothing is written (--dry-run)."
+    )
     assert run.written == []
     text = run("set", "axis", "6083h", "0.3 m/s^2")
     (value,) = re.findall(r"Back: twin hil set 3 6083h.0 '(.*?)' -f bench.yaml It is lost", text)

@@ -179,7 +179,7 @@ def test_it_stops_whatever_ends_it(drive, jog, hil_command, end):
                     assert f"Restore them: twin hil restore 1 -f {drive.file}" in told
                     assert (words == ["scan"]) is not ("(of the killed run)" in told)
             assert "reports an earlier error" in hil_command("move", 1, "--by", "1 mm", "-f", drive.file, code=1)
-            assert "8130h node guarding or heartbeat" in " ".join(hil_command("reset", drive.file).split())
+            assert "8130h node guarding or heartbeat" in " ".join(hil_command("reset", "-f", drive.file).split())
 
 
 @every_case(

@@ -226,7 +226,9 @@ def test_objects_by_index_and_by_name():
         SimulationError, match=r"^positio_actual_value: no such object\. Did you mean 'position_actual_value' or "
     ):
         find(entries, "positio_actual_value")
-    with pytest.raises(SimulationError, match=r"^x: no such object\. Give its index, such as 6085h, or a name of a dump"):
+    with pytest.raises(
+        SimulationError, match=r"^x: no such object\. Give its index, such as 6085h, or a name of a dump"
+    ):
         find(entries, "x")  # not the first ones of the alphabet
 
 
