@@ -11,17 +11,18 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.options import BUS, BusChoice, OptionError, note_leftovers, paragraph, table
+from hw_bridge.command.bench.options import BUS, BusChoice, note_leftovers, paragraph, table
+from hw_bridge.command.bench.single_axis import hardware as hardware_of
+from hw_bridge.command.bench.single_axis import select_axis
 from hw_bridge.commission import (
     DUPLICATE_ID,
     SdoSession,
-    axis,
     limit_effects,
     membership_problems,
     profile_title_of,
     scan,
 )
-from hw_bridge.hardware import load, stall_bounds
+from hw_bridge.hardware import stall_bounds
 from hw_bridge.plant import bench_network
 from twin.cli.options import build_option
 from twin.errors import SimulationError
@@ -37,6 +38,7 @@ __all__ = ["bench_network", "command", "compare_bus", "profile_title_of"]
 
 WRITE_HEAD = ("object", "name", "before", "after", "why")
 RAW = re.compile(r" \([^()]*\)$")  # value in the drive's own unit, behind a quantity
+OTHERS = "A jog or move writes and restores the same without those of homing, and 607Dh as its positions count (from start or home)."
 PDO_OBJECT = re.compile(r"1[4-9AB]")  # 1400h to 1BFFh
 
 COMMANDS = {  # file of hw_bridge.command.bench and what it does, in the order of commissioning
@@ -122,7 +124,7 @@ class Findings:
             paragraph(heading)
             table(rows, 2, head=rows[:1] in ([WRITE_HEAD], [WRITE_HEAD[:-1]]))
         if not verbose and self.brief:
-            paragraph("--verbose adds reasons, the drive's own settings, and the effect of each limit.")
+            paragraph(f"{OTHERS} --verbose adds reasons, the drive's own settings, and the effect of each limit.")
 
     @property
     def verdict(self) -> str:
@@ -142,26 +144,19 @@ def check(hardware: Path | None, verbose: bool, build: Path) -> None:
 
     Prints what differs, notes, and each object that a run writes, before and after. Exit code 1 if anything differs.
     """
-    keys = load(file := named(hardware))
+    bus = BusChoice(hardware, build=build)
+    keys = hardware_of(bus)
     absent: dict[str, Collection[int]] = {}
-    findings = compare_bus(keys, build, {name: axis(file, keys, name).rotary for name in keys.nodes}, absent)
+    findings = compare_bus(keys, build, {name: select_axis(bus, name).rotary for name in keys.nodes}, absent)
     findings.tables += [
         (f"{', '.join(names)}: effect of each limit", rows) for names, rows in limit_effects.grouped(keys, absent)
     ]
-    bus = BusChoice(file, build=build)
     for texts in (findings.problems, findings.notes):
         texts[:] = map(bus.complete, texts)
     findings.show(verbose)
     paragraph(findings.verdict)
     if findings.problems:
         sys.exit(1)
-
-
-def named(hardware: Path | None) -> Path:
-    """The hardware file of the command line; OptionError without one."""
-    if hardware is None:
-        raise OptionError("Name the hardware file: -f FILE, or set TWIN_HARDWARE.")
-    return hardware
 
 
 def compare_bus(
@@ -251,12 +246,12 @@ def unrestored(master: Master, station: Node | ModuleNode) -> list[str]:
     if master.keys.simulated:
         return problems
     try:
-        folder = restoration.folder_of(master.keys)
-        left, text = nvm.unrestored_objects(station, folder), nvm.unrestored_text(station, folder)
+        left = nvm.unrestored_objects(station, restoration.folder_of(master.keys))
     except SimulationError as error:  # it is damaged, or a running program holds it
         return [*problems, str(error)]
     station.unrestored = {change.address: change.before for change in left if change.before}
     if left:
+        text = nvm.unrestored_text(station, left)
         problems.append(f"{text} -f FILE. The next run does it first, too. `before` is the value that is restored.")
     return problems
 
@@ -284,15 +279,16 @@ def reset(node: str | None, hardware: Path | None, build: Path) -> None:
     """
     from hw_bridge.master import Master
 
-    keys = load(file := named(hardware))
+    bus = BusChoice(hardware, build=build)
+    keys = hardware_of(bus)
     master = Master(keys, bench_network(keys, build))
     try:
         master.wait(500_000_000)
-        chosen = [*master.nodes.values()] if node is None else [master.nodes[axis(file, keys, node).name]]
+        chosen = [*master.nodes.values()] if node is None else [master.nodes[select_axis(bus, node).name]]
         results = [reset_drive(master, drive) for drive in chosen]
         for drive, is_free in zip(chosen, results, strict=True):
             if is_free:
-                note_leftovers(BusChoice(file, build=build), drive)
+                note_leftovers(bus, drive)
     finally:
         master.network.close()
     if not all(results):

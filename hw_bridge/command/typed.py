@@ -114,8 +114,8 @@ class Typed:
     @property
     def late_text(self) -> str:
         """Why this page is too slow to move a drive: half of the time after which a motion ends; empty if it is not."""
-        late = f"This page answers late ({self.lateness:.1f} s): too slow to move. Close other pages and programs"
-        return f"{late}, or move from a terminal." if self.lateness > ATTENDED / 2 else ""
+        text = f"This page answers late ({self.lateness:.1f} s): too slow to move. Close other pages or use a terminal."
+        return text if self.lateness > ATTENDED / 2 else ""
 
     @property
     def has_expired(self) -> bool:

@@ -9,16 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.options import (
-    NODE,
-    PROFILE,
-    WIDTH,
-    OptionError,
-    note_leftovers,
-    on_a_bus,
-    paragraph,
-    table,
-)
+from hw_bridge.command.bench import options
+from hw_bridge.command.bench.options import NODE, PROFILE, WIDTH, OptionError, on_a_bus, paragraph, table
 from twin.cli import say
 from twin.errors import SimulationError
 
@@ -71,7 +63,7 @@ def scan_command(bus: BusChoice) -> None:
                 say(f"  {item.state}")
             if item.fault:
                 paragraph(item.fault, 2)
-            note_leftovers(bus, sdo_session.node(str(item.node)), 2)
+            options.note_leftovers(bus, sdo_session.node(str(item.node)), 2)
         if not nodes:
             paragraph(NO_ANSWER)
             sys.exit(1)
@@ -104,7 +96,7 @@ def status_command(bus: BusChoice, node: str, profile: str | None) -> None:
         station = sdo_session.node(node, profile or "")
         report = status(station, reference_of(bus, station))
         say(identity_text(station))
-        changed = {name.removesuffix(".0") for name in note_leftovers(bus, station)}
+        changed = {name.removesuffix(".0") for name in options.note_leftovers(bus, station)}
         width = max((len(name) for rows in report.groups.values() for name, _ in rows), default=0)
         for group, rows in report.groups.items():
             if rows:

@@ -140,13 +140,13 @@ def note_leftovers(bus: BusChoice, station: Station, indent: int = 0) -> set[str
     if bus.keys is not None and bus.keys.simulated:  # its drives are new ones
         return set()
     try:
-        text = nvm.unrestored_text(station, bus.journals)
-        names = {change.name for change in nvm.unrestored_objects(station, bus.journals)}
+        left = nvm.unrestored_objects(station, bus.journals)
     except SimulationError as error:  # it is damaged, or a running program holds it
-        text, names = str(error), set()
-    if text:
-        paragraph(f"note: {bus.complete(text)}", indent)
-    return names
+        paragraph(f"note: {error}", indent)
+        return set()
+    if left:
+        paragraph(f"note: {bus.complete(nvm.unrestored_text(station, left))}", indent)
+    return {change.name for change in left}
 
 
 BUS = (

@@ -71,7 +71,9 @@ def get_command(bus: BusChoice, node: str, names: tuple[str, ...], profile: str 
 def set_command(
     bus: BusChoice, node: str, name: str, value: str, store: bool, dry_run: bool, arm: bool, profile: str | None
 ) -> None:
-    """Show an object of NODE before and after, write it, read it back, and show the command that sets it back. VALUE has a unit where the object has one: "200 mm/s", 26h, "-5 mm".
+    """Show an object of NODE before and after, write it, read it back, and print the command that sets it back.
+
+    VALUE has a unit where the object has one: "200 mm/s", 26h, "-5 mm".
 
     Access and range are checked before anything is sent. Objects that move a drive (6040h, targets, modes) are refused, and
     so is a drive that another program drives. Objects that switch an output (60FEh, 6200h, pin functions) and vendor
@@ -100,10 +102,11 @@ def set_command(
             limits.assert_can_stop(station, entry, number, unit)
         switching_needs_arm(bus, station, entry, arm)
         assert_not_driven(station)
-        if left := nvm.unrestored_text(station, bus.journals):
+        if left := nvm.unrestored_objects(station, bus.journals):
+            text = nvm.unrestored_text(station, left)
             if store:
-                raise SimulationError(left)
-            paragraph(f"warning: {bus.complete(left)}")
+                raise SimulationError(text)
+            paragraph(f"warning: {bus.complete(text)}")
         before = objects.upload(station, entry)
         address = f"{entry.index:04X}h.{entry.sub}"
         values = " -> ".join(objects.format_value(station, entry, each) for each in (before, number))

@@ -106,9 +106,9 @@ def ORIGIN(command: Callable[..., Any]) -> Callable[..., Any]:  # noqa: N802 - b
 
 
 def hardware(bus: BusChoice) -> HardwareKeys:
-    """The hardware file: motion needs its limits."""
+    """The hardware file; OptionError without one."""
     if bus.keys is None:
-        raise OptionError("Name --hardware FILE: what moves a drive needs the limits that are written there.")
+        raise OptionError("Name the hardware file, which has the limits: -f FILE, or set TWIN_HARDWARE.")
     return bus.keys
 
 
@@ -340,12 +340,9 @@ def show_live(session: SingleAxisSession, is_page: bool = False, is_final: bool 
     velocity = node.velocity if is_final else session.mean_velocity()
     position, speed_text = node.format_length(node.position), f"{node.format_length(velocity)}/s"
     if is_page:
-        current = (
-            "-" if is_final and node.state in cia402.AT_REST else f"{node.current:.3f}"
-        )  # that of before is no reading
-        values = (
-            f"position {position:>10} {session.origin}, velocity {speed_text:>9}, current {current:>6} A, {node.state}"
-        )
+        is_off = is_final and node.state in cia402.AT_REST  # its latest current is of before
+        current = f"current {'-' if is_off else f'{node.current:.3f}':>6} A"
+        values = f"position {position:>10} {session.origin}, velocity {speed_text:>9}, {current}, {node.state}"
     else:
         values = f"{position:>10} {session.origin:<14} {speed_text:>12} {node.current:6.2f} A"
     note = f"{NO_DATA} {1e-9 * node.silent * session.cycle:.2f} s" if node.silent > 1 else session.note

@@ -184,9 +184,13 @@ def test_the_drives_own_position_limits_are_shown_from_home_too(capsys):
     master = SimpleNamespace(keys=keys_of(node), plan=lambda station: plan_drive(station, 5 * MILLISECOND, 127))
     hil.unready(master, node).show(verbose=False)
     text = " ".join(capsys.readouterr().out.split())
-    assert "607Dh.1 Min position limit no limit -2 mm, -42 mm from home 607Dh.2" in text
-    assert "82 mm, 42 mm from home" in text
-    assert "607Dh counts in the drive, and is a tenth of the range wider than limits.position, -35 mm to 35 mm," in text
+    assert "607Dh.1 Min position limit no limit -2 mm in the drive, -42 mm from home 607Dh.2" in text
+    assert "82 mm in the drive, 42 mm from home" in text
+    assert (
+        "607Dh counts in the drive from where homing sets it to 0, and is written then. It is a tenth of the range"
+        in text
+    )
+    assert "A jog or move writes and restores the same without those of homing, and 607Dh" in text
 
 
 @pytest.mark.parametrize(("own", "is_softer"), [(10_000, True), (3_000, False), (2_000, False)])
@@ -221,7 +225,7 @@ def test_what_a_killed_command_left_is_a_problem(monkeypatch, tmp_path):
 @pytest.mark.parametrize("words", [["check", "-f", "FILE"], ["reset", "-f", "FILE", "axis"], ["reset", "-f", "FILE"]])
 def test_the_hardware_file_is_an_option_too(monkeypatch, tmp_path, words):
     opened = []
-    monkeypatch.setattr(hil, "load", lambda path: opened.append(path) or sys.exit(7))
+    monkeypatch.setattr("hw_bridge.command.bench.options.load", lambda path: opened.append(path) or sys.exit(7))
     line = [str(tmp_path / "b.yaml") if word == "FILE" else word for word in words]
     assert CliRunner().invoke(hil.command, line).exit_code == 7
     assert opened == [tmp_path / "b.yaml"]
