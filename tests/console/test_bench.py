@@ -252,16 +252,21 @@ def test_another_page_watches_it(drive, served, page, browser):  # noqa: F811
         assert off(line, line.drive("1", "faulhaber_v3"), 1.0)
 
 
+def test_a_page_that_answers_late_is_not_offered_a_motion(drive, page):
+    opened(page, "move")
+    page.evaluate("setTimeout(() => { const end = Date.now() + 400; while (Date.now() < end); }, 0)")
+    page.locator("text=too slow to move").locator("visible=true").first.wait_for()
+    assert page.get_by_role("button", name="move", exact=True).is_disabled()
+
+
 def test_a_page_that_answers_late_says_so_and_a_stopped_move_what_to_do(drive, page):
     """After a pause that is shorter than its limit it warns; after one that is longer the drive stands, in amber."""
     opened(page, "move")
     assert page.get_by_text("Not checked: direction, jog: it may move the wrong way.").locator("visible=true").count()
     page.get_by_label("by", exact=True).locator("visible=true").first.fill("9 mm")
-    busy = "setTimeout(() => { const end = Date.now() + %d; while (Date.now() < end); }, 0)"
-    page.evaluate(busy % 400)  # before it: the motion is not offered
-    page.locator("text=too slow to move").locator("visible=true").first.wait_for()
-    page.get_by_role("button", name="move", exact=True).click()  # as soon as it can be
+    page.get_by_role("button", name="move", exact=True).click()
     page.wait_for_selector(".twin-tiles >> text=Operation enabled")
+    busy = "setTimeout(() => { const end = Date.now() + %d; while (Date.now() < end); }, 0)"
     page.evaluate(busy % 300)
     page.wait_for_selector("text=This page answers late: 0.")
     page.evaluate(busy % 1500)
