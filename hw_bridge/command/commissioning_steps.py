@@ -210,7 +210,8 @@ def problem(step: Step, entry: Entry, text: str, axis: Axis, position: float | N
     low, high = bounds(step, entry, axis)
     if entry is BY and step.word == "move" and position is not None:
         is_homed, to_text = position != NOT_HOMED, axis.format_quantity
-        low, high = (low_high - position for low_high in axis.keys.limits.position) if is_homed else _reach(axis)
+        reach = ROUND[axis.unit]
+        low, high = (end - position for end in axis.keys.limits.position) if is_homed else (-reach, reach)
         if not low - ROUNDING <= value <= high + ROUNDING:
             why = f"it is at {to_text(position)}" if is_homed else "it is not homed, and an end stop may be nearer"
             return f"Expected {to_text(low)} to {to_text(high)}: {why}."
@@ -222,10 +223,6 @@ def problem(step: Step, entry: Entry, text: str, axis: Axis, position: float | N
     return None if is_inside else f"Expected {expected}{'' if value else ', not 0'}."
 
 
-def _reach(axis: Axis) -> tuple[float, float]:
-    return -ROUND[axis.unit], ROUND[axis.unit]
-
-
 def missing(step: Step, values: dict[str, Any]) -> str:
     """What has to be filled in before the command can start, or nothing."""
     if step.word != "move":
@@ -234,6 +231,16 @@ def missing(step: Step, values: dict[str, Any]) -> str:
     if bool(by) == bool(to):
         return "Fill in either “by” or “to”." if TO.option in values else "Fill in “by”."
     return f"“to” counts from home: clear “{FROM_START.label}”." if to and values.get(FROM_START.option) else ""
+
+
+def closed(entry: Entry, values: dict[str, Any], position: float | None) -> str:
+    """Why a field of `by` and `to` cannot be filled in now; empty if it can, or to be cleared. `position`: as of `problem`."""
+    other = {BY: TO, TO: BY}.get(entry)
+    if other is None or TO.option not in values or str(values[entry.option] or "").strip():
+        return ""
+    if str(values.get(other.option) or "").strip():
+        return f"or clear “{other.label}”"
+    return "the drive is not homed" if entry is TO and position == NOT_HOMED else ""
 
 
 def quantity(entry: Entry, text: str, unit: str = "m") -> str:

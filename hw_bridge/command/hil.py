@@ -11,17 +11,18 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.options import BusChoice, OptionError, paragraph, table
+from hw_bridge.command.bench.options import BUS, BusChoice, note_leftovers, paragraph, table
+from hw_bridge.command.bench.single_axis import hardware as hardware_of
+from hw_bridge.command.bench.single_axis import select_axis
 from hw_bridge.commission import (
     DUPLICATE_ID,
     SdoSession,
-    axis,
     limit_effects,
     membership_problems,
     profile_title_of,
     scan,
 )
-from hw_bridge.hardware import load, stall_bounds
+from hw_bridge.hardware import stall_bounds
 from hw_bridge.plant import bench_network
 from twin.cli.options import build_option
 from twin.errors import SimulationError
@@ -37,16 +38,8 @@ __all__ = ["bench_network", "command", "compare_bus", "profile_title_of"]
 
 WRITE_HEAD = ("object", "name", "before", "after", "why")
 RAW = re.compile(r" \([^()]*\)$")  # value in the drive's own unit, behind a quantity
-SHOWN = 4  # names of objects that an interrupted run has left
+OTHERS = "A jog or move writes and restores the same without those of homing, and 607Dh as its positions count (from start or home)."
 PDO_OBJECT = re.compile(r"1[4-9AB]")  # 1400h to 1BFFh
-
-HARDWARE = click.option(
-    "--hardware",
-    "-f",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Hardware file that names the bus and its nodes.",
-)
 
 COMMANDS = {  # file of hw_bridge.command.bench and what it does, in the order of commissioning
     "scan": ("look", "list the nodes: vendor, product, profile, state, errors"),
@@ -131,7 +124,7 @@ class Findings:
             paragraph(heading)
             table(rows, 2, head=rows[:1] in ([WRITE_HEAD], [WRITE_HEAD[:-1]]))
         if not verbose and self.brief:
-            paragraph("--verbose adds reasons, the drive's own settings, and the effect of each limit.")
+            paragraph(f"{OTHERS} --verbose adds reasons, the drive's own settings, and the effect of each limit.")
 
     @property
     def verdict(self) -> str:
@@ -143,26 +136,21 @@ class Findings:
 
 
 @command.command("check", short_help="compare the bus with a hardware file")
-@click.argument("file", type=click.Path(path_type=Path), metavar="", required=False)
-@HARDWARE
+@BUS[0]
 @click.option("--verbose", is_flag=True, help="Also reasons, the drive's own settings, and the effect of each limit.")
 @build_option
-def check(file: Path | None, hardware: Path | None, verbose: bool, build: Path) -> None:
+def check(hardware: Path | None, verbose: bool, build: Path) -> None:
     """Scan all node-IDs, identify each drive, compare with the hardware file. Nothing moves, nothing is written.
 
     Prints what differs, notes, and each object that a run writes, before and after. Exit code 1 if anything differs.
     """
-    if (file is None) == (hardware is None):
-        raise OptionError("Name the hardware file: twin hil check -f FILE.")
-    file = file or hardware
-    assert file is not None
-    keys = load(file)
+    bus = BusChoice(hardware, build=build)
+    keys = hardware_of(bus)
     absent: dict[str, Collection[int]] = {}
-    findings = compare_bus(keys, build, {name: axis(file, keys, name).rotary for name in keys.nodes}, absent)
+    findings = compare_bus(keys, build, {name: select_axis(bus, name).rotary for name in keys.nodes}, absent)
     findings.tables += [
         (f"{', '.join(names)}: effect of each limit", rows) for names, rows in limit_effects.grouped(keys, absent)
     ]
-    bus = BusChoice(file, None, None, keys.bit_rate, {}, None, build)
     for texts in (findings.problems, findings.notes):
         texts[:] = map(bus.complete, texts)
     findings.show(verbose)
@@ -263,10 +251,8 @@ def unrestored(master: Master, station: Node | ModuleNode) -> list[str]:
         return [*problems, str(error)]
     station.unrestored = {change.address: change.before for change in left if change.before}
     if left:
-        problems.append(
-            f"{station.name}: a killed command left {len(left)} objects as it wrote them. Reset, then restore them: twin hil "
-            f"restore {station.name} -f FILE. The next run does it first, too. `before` is the value that is restored."
-        )
+        text = nvm.unrestored_text(station, left)
+        problems.append(f"{text} -f FILE. The next run does it first, too. `before` is the value that is restored.")
     return problems
 
 
@@ -283,50 +269,30 @@ def brief(rows: Sequence[PlannedRow]) -> list[Sequence[str]]:
 
 
 @command.command("reset", short_help="leave Fault, once the cause is known")
-@click.argument("file", type=click.Path(path_type=Path), metavar="[NODE]", required=False)
-@click.argument("node", required=False, metavar="")
-@HARDWARE
+@click.argument("node", required=False, metavar="[NODE]")
+@BUS[0]
 @build_option
-def reset(file: Path | None, node: str | None, hardware: Path | None, build: Path) -> None:
+def reset(node: str | None, hardware: Path | None, build: Path) -> None:
     """Tell what each drive in Fault, or NODE alone, says (603Fh, 1003h), then reset it. Power stages stay off, nothing moves.
 
     A run never does this by itself. Exit code 1 if a drive is another one, or stays in Fault.
     """
-    from hw_bridge.master import Master, restoration
+    from hw_bridge.master import Master
 
-    if hardware is not None and node is None:  # the only argument is the node
-        file, node = hardware, None if file is None else str(file)
-    elif file is None or hardware is not None:
-        raise OptionError("Name the hardware file: twin hil reset [NODE] -f FILE.")
-    keys = load(file)
+    bus = BusChoice(hardware, build=build)
+    keys = hardware_of(bus)
     master = Master(keys, bench_network(keys, build))
     try:
         master.wait(500_000_000)
-        chosen = [*master.nodes.values()] if node is None else [master.nodes[axis(file, keys, node).name]]
+        chosen = [*master.nodes.values()] if node is None else [master.nodes[select_axis(bus, node).name]]
         results = [reset_drive(master, drive) for drive in chosen]
         for drive, is_free in zip(chosen, results, strict=True):
-            if is_free and not keys.simulated:
-                note_leftovers(drive, file, restoration.folder_of(keys))
+            if is_free:
+                note_leftovers(bus, drive)
     finally:
         master.network.close()
     if not all(results):
         sys.exit(1)
-
-
-def note_leftovers(node: Node, file: Path, folder: Path) -> None:
-    """Print a note on the objects that an interrupted run wrote and that are not restored, by the journal in `folder`."""
-    from hw_bridge.commission import nvm
-
-    try:
-        left = nvm.unrestored_objects(node, folder)
-    except SimulationError as error:  # a running program holds the journal
-        paragraph(f"note: {error}")
-        return
-    if left:
-        paragraph(
-            f"note: {node.name}: {len(left)} objects hold what an interrupted run wrote: {', '.join(change.name for change in left[:SHOWN])}{', ...' if len(left) > SHOWN else ''}. Restore them: "
-            f"twin hil restore {node.name} -f {file}. The next run does it first, too."
-        )
 
 
 def reset_drive(master: Master, node: Node) -> bool:

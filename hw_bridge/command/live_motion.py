@@ -54,12 +54,13 @@ class LiveMotion:
             position, is_homed_now = float(values["position"]), self.origin == IN_DRIVE != values["origin"]
             self.unit, self.origin, self.state = values["unit"], values["origin"], values["state"]
             self.position, self.velocity = f"{values['position']} {self.unit}", values["velocity"]
-            self.current = f"{values['current']} A"
+            has_current = values["current"] != "-"  # not read once the power is off
+            self.current = f"{values['current']} A" if has_current else ""
             self.direction = {">": "positive", "<": "negative"}.get(values["mark"], "")
             self.directions |= {*filter(None, [self.direction])}
             is_old = values.string.startswith(NO_DATA, values.end())
             self.no_data_since = f"{self.span()[1]:.2f} s" if is_old and self._samples else ""
-            if is_old:
+            if is_old or not has_current:
                 continue
             now = time.monotonic()
             if not self._samples:

@@ -20,7 +20,7 @@ from hw_bridge.command.commissioning_steps import ANY_TIME, READING, STEPS, Entr
 from hw_bridge.command.progress import Outcome
 from hw_bridge.command.running_card import CHECK, CURVES_PATH, armed, changed_file, live_state, now
 from hw_bridge.command.step_order import order_switch
-from hw_bridge.command.typed import Typed
+from hw_bridge.command.typed import MOVES, Typed
 from hw_bridge.commission import homing
 from hw_bridge.hardware import NodeKeys
 from twin import web
@@ -58,10 +58,9 @@ class Page:
         self.console, self.is_operator, self.typed = console, is_operator, typed
         self.folder = console.runs / "commissioning"
         self.commissioned: set[str] = set()  # drives whose steps need no order
-        self.positions = dict[str, float | None]()  # as last read
-        self.updates: list[
-            Callable[[], object]
-        ] = []  # of buttons and steps, when a command begins, ends or a field changes
+        self.live_line = ""  # of the drives, as it is shown
+        self.read: object = None  # positions as last read, and whether the page is too slow
+        self.updates: list[Callable[[], object]] = []  # when a command begins or ends, or a field changes
 
     def update(self) -> None:
         """Update all buttons and steps."""
@@ -69,10 +68,10 @@ class Page:
             update()
 
     def update_positions(self) -> None:
-        """Update all where a drive was read at another position, which bounds the next motion."""
+        """Update all where a drive was read at another position, which bounds the next motion, or this page answers late."""
         positions = {name: self.typed.position(name) for name in self.typed.axes}
-        if positions != self.positions:
-            self.positions = positions
+        if (positions, self.typed.late_text) != self.read:
+            self.read = positions, self.typed.late_text
             self.update()
 
     async def run_as_operator(self, what: Callable[[], None]) -> None:
@@ -273,9 +272,8 @@ def step(page: Page, command_step: Step, drive_axis: Axis) -> None:
     about, homing_keys = [command_step.about] if command_step.about else [], drive_axis.keys.homing
     if command_step.word == "home" and homing_keys is not None:
         sequence, bounds = homing.explained(drive_axis, page.typed.keys)
-        about = [
-            f"Method {homing_keys.method}, the reference position is {drive_axis.format_quantity(homing_keys.at)}:"
-        ]
+        reference = drive_axis.format_quantity(homing_keys.at)
+        about = [f"Method {homing_keys.method}, the reference position is {reference}:"]
         about += [*(f"{number}. {text}" for number, text in enumerate(sequence, 1)), bounds]
     for text in about:
         ui.label(text).classes("twin-soft")
@@ -307,11 +305,14 @@ def field(page: Page, command_step: Step, entry: Entry, values: dict[str, Any], 
         validation=lambda text: problem(page, command_step, entry, text or "", values, drive_axis),
         on_change=change,
     )
-    text.props(f'hint="{steps.hint(command_step, entry, drive_axis)}" maxlength={steps.LONGEST}')
-    text.props("dense outlined stack-label hide-bottom-space").classes("twin-entry")
-    page.updates.append(
-        lambda: text.validate(return_result=False)
-    )  # another field or a command may change what it may hold
+    text.props(f"maxlength={steps.LONGEST} dense outlined stack-label hide-bottom-space").classes("twin-entry")
+
+    def update() -> None:  # another field or a command may change what it may hold
+        reason = steps.closed(entry, values, page.typed.position(drive_axis.name))
+        text.props(f'hint="{reason or steps.hint(command_step, entry, drive_axis)}"').set_enabled(not reason)
+        text.validate(return_result=False)
+
+    page.updates.append(update)
 
 
 def problem(
@@ -377,6 +378,8 @@ def refusal(page: Page, command_step: Step, name: str, values: dict[str, Any], d
         return reason
     if page.typed.file_problem:
         return "Correct the hardware file first."
+    if command_step.word in MOVES and page.typed.late_text:
+        return page.typed.late_text
     if page.typed.needs_arm(command_step.word) and not command_step.always:
         return "Real drives, not armed: end this console and start it with --arm."
     if command_step.word == "compare" and not page.dumps(name):

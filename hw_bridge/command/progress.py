@@ -9,6 +9,7 @@ from contextlib import suppress
 from enum import Enum
 from typing import TYPE_CHECKING
 
+from hw_bridge.command.bench.single_axis import COMMAND_AFTER_STOP, STATE_AFTER_STOP
 from hw_bridge.command.commissioning_steps import STEPS, is_step
 from hw_bridge.commission import PAGE_SILENT
 from twin.files import write_atomically
@@ -45,6 +46,20 @@ def outcome(word: str, code: int, text: str, directions: Collection[str]) -> Out
 def has_lost_page(text: str) -> bool:
     """Whether a command ended because its page was closed or silent, without a warning."""
     return not WARNING.search(text) and bool(LOST_PAGE.search(" ".join(text.split())))
+
+
+def lines_after_stop(text: str) -> list[str]:
+    """State and position in which a command has left its drive, then a line with the next steps; none without a stop."""
+    if not (state := STATE_AFTER_STOP.search(text)):
+        return []
+    first = " ".join(state[1].split())
+    commands = COMMAND_AFTER_STOP.findall(text)
+    return [f"{first[0].upper()}{first[1:]}", f"{commands[0][0]} {', then '.join(word for _, word in commands)}."]
+
+
+def labeled(text: str, label: str) -> list[str]:
+    """Texts of the paragraphs with a label, such as "note": their further lines are indented."""
+    return re.findall(rf"^{label}: (.*(?:\n  .*)*)", text, re.MULTILINE)
 
 
 class StepProgress:

@@ -10,10 +10,10 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 from hw_bridge.command.bench.options import WIDTH
-from hw_bridge.command.bench.single_axis import COMMAND_AFTER_STOP, LIVE_VALUES, STATE_AFTER_STOP
+from hw_bridge.command.bench.single_axis import LIVE_VALUES, STATE_AFTER_STOP
 from hw_bridge.command.bench.step import SHOWN
 from hw_bridge.command.commissioning_steps import READING
-from hw_bridge.command.progress import STOPPED, Outcome, has_lost_page, outcome
+from hw_bridge.command.progress import STOPPED, Outcome, has_lost_page, labeled, lines_after_stop, outcome
 from hw_bridge.command.state_watch import RETRY_PERIOD
 from hw_bridge.command.typed import MOVES
 from hw_bridge.commission import ATTENDED, HOLD
@@ -69,7 +69,9 @@ def live_state(page: Page) -> None:
 
     def look() -> None:
         button.text = "pause live state" if typed.watch.is_on else "read live state"
-        values.content = state_text(typed)
+        if not typed.attended:  # else the card of the command draws it, with the same values
+            page.live_line = state_text(typed)
+        values.content = page.live_line
 
     look()
     ui.timer(0.25, look)
@@ -97,7 +99,7 @@ def motion_line(typed: Typed) -> str:
     motion = typed.motion
     position = f"{motion.position} {motion.origin}"
     state = f"{motion.state}, last known" if motion.no_data_since else motion.state
-    values = (("6041h", state), ("6064h", position), ("606Ch", motion.velocity), ("6078h", motion.current))
+    values = (("6041h", state), ("6064h", position), ("606Ch", motion.velocity), ("6078h", motion.current or "-"))
     title = "values of the running command" if typed.running else "values at the end of the command"
     return state_lines({typed.node: [(f"{index} {title}", value) for index, value in values]})
 
@@ -169,7 +171,7 @@ def now(page: Page, card: Element) -> None:
     before = ui.html("", sanitize=False)
 
     def look() -> None:
-        if last_shown.get("changed") == typed.changed:
+        if last_shown.get("changed") == typed.changed and (typed.text or not typed.running):
             return
         kind, end.text = motion_state(typed)
         end.classes(replace=f"twin-state twin-{kind}")
@@ -181,6 +183,7 @@ def now(page: Page, card: Element) -> None:
         last_shown["drawn"] = time.monotonic()
         last_shown["changed"] = typed.changed
         update_tiles()
+        page.live_line = state_text(typed)
         text.content = output_lines(wrapped(typed.text if typed.running else parts(typed)[0]))
         if typed.attended and time.monotonic() - last_shown.get("curves", 0.0) > CURVES_PERIOD:
             last_shown["curves"] = time.monotonic()
@@ -208,6 +211,8 @@ def now(page: Page, card: Element) -> None:
 
 def motion_state(typed: Typed) -> tuple[str, str]:
     """Kind and sentence of what a running motion does: its page is late, a jog is ready, stopped, at an end; empty without one."""
+    if typed.running and not typed.text:
+        return "neutral", f"starts, {time.monotonic() - typed.began:.0f} s"
     if since := typed.motion.no_data_since:
         return "warn", f"No data since {since}: curves end there, values are the last known."
     if typed.attended and typed.word != "jog" and (late := typed.lateness):
@@ -331,20 +336,6 @@ def result(typed: Typed) -> tuple[str, str]:
     error = error or " ".join(labeled(typed.text, "differs") + labeled(typed.text, "not restored"))
     cause = f"✗ {what}: {' '.join(error.split()) if error else f'ended with exit code {code}'}"
     return "bad", "\n".join([cause, *lines])
-
-
-def lines_after_stop(text: str) -> list[str]:
-    """State and position in which a command has left its drive, then a line with the next steps; none without a stop."""
-    if not (state := STATE_AFTER_STOP.search(text)):
-        return []
-    first = " ".join(state[1].split())
-    commands = COMMAND_AFTER_STOP.findall(text)
-    return [f"{first[0].upper()}{first[1:]}", f"{commands[0][0]} {', then '.join(word for _, word in commands)}."]
-
-
-def labeled(text: str, label: str) -> list[str]:
-    """Texts of the paragraphs with a label, such as "note": their further lines are indented."""
-    return re.findall(rf"^{label}: (.*(?:\n  .*)*)", text, re.MULTILINE)
 
 
 def parts(typed: Typed) -> tuple[str, str]:

@@ -28,12 +28,16 @@ def order_switch(page: Page, name: str) -> None:
 
 async def change_order(page: Page, name: str, switch: Switch, is_lifted: bool) -> None:
     """Lift the order of a drive's steps, after a question that names those that are skipped, or restore it."""
+    if is_lifted == (name in page.commissioned):  # the switch follows the answer
+        return
     skipped = missing_steps(STEPS[-1], lambda each: page.is_done(each, name)) if is_lifted else {}
     skipped.pop(ALWAYS, None)
-    if skipped and not await confirm([SKIPPED.format(name=name, steps=", ".join(skipped.values())), *RISK]):
-        switch.value = False
-        return
+    if skipped:
+        switch.value = False  # until it is answered
+        if not await confirm([SKIPPED.format(name=name, steps=", ".join(skipped.values())), *RISK]):
+            return
     (page.commissioned.add if is_lifted else page.commissioned.discard)(name)
+    switch.value = is_lifted
     page.update()
 
 

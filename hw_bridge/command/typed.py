@@ -29,7 +29,7 @@ from hw_bridge.command.commissioning_steps import FILE_INDEPENDENT
 from hw_bridge.command.live_motion import LiveMotion
 from hw_bridge.command.progress import STOPPED, StepProgress, outcome
 from hw_bridge.command.state_watch import StateWatch
-from hw_bridge.commission import HOLD, axis
+from hw_bridge.commission import ATTENDED, HOLD, axis
 from hw_bridge.dictionary import State
 from hw_bridge.hardware import load, resolve_bench
 from hw_bridge.master import Reference
@@ -69,6 +69,7 @@ class Typed:
         self.motion = LiveMotion()
         self.watch = StateWatch(self.file, console.build)  # only between commands: never two SDO clients of a node
         self.text = self.line = ""
+        self.began = 0.0  # when the latest command began [s]
         self.word = self.node = ""  # of what goes on, or went last
         self.done: deque[tuple[float, str, int]] = deque(
             maxlen=HISTORY_LENGTH
@@ -109,6 +110,12 @@ class Typed:
         """Greatest age of a recent answer of the operator's page [s]; 0 if none was late."""
         age, at = self._late
         return age if time.monotonic() - at < LATE_SHOWN else 0.0
+
+    @property
+    def late_text(self) -> str:
+        """Why this page is too slow to move a drive: half of the time after which a motion ends; empty if it is not."""
+        text = f"This page answers late ({self.lateness:.1f} s): too slow to move. Close other pages or use a terminal."
+        return text if self.lateness > ATTENDED / 2 else ""
 
     @property
     def has_expired(self) -> bool:
@@ -214,6 +221,8 @@ class Typed:
                 raise TwinError(f"{self.file} has changed and was read again. Look at its limits, then check it.")
             if self.file_problem:
                 raise TwinError(self.file_problem)
+            if word in MOVES and self.late_text:
+                raise TwinError(self.late_text)
             if self.needs_arm(word):
                 keys = self.keys
                 raise TwinError(
@@ -227,7 +236,7 @@ class Typed:
                 self.watch.resume()
                 raise TwinError(f"twin hil {word}: stopped before it began.")
             self.line = shlex.join(["twin", "hil", *words])
-            self.word, self.node, self.speed, self.text = word, node, speed, ""
+            self.word, self.node, self.speed, self.text, self.began = word, node, speed, "", time.monotonic()
             self._held = (0.0, -math.inf)
             self.motion.begin()
             serial = self.progress.serials.get(self._address(node), "") if word in MOVES else ""

@@ -37,17 +37,16 @@ def store(node: Station, folder: Path | None = None) -> None:
 def assert_can_store(node: Station, folder: Path) -> None:
     """Raise SimulationError for a drive that a program drives, or that holds values that a run did not restore."""
     assert_not_driven(node)
-    if left := unrestored_text(node, folder):
-        raise SimulationError(left)
+    if left := unrestored_objects(node, folder):
+        raise SimulationError(unrestored_text(node, left))
 
 
-def unrestored_text(node: Station, folder: Path) -> str:
-    """Sentence on the values that a run wrote and did not restore, with the remedy; empty if there are none."""
-    if not (left := unrestored_objects(node, folder)):
-        return ""
+def unrestored_text(node: Station, left: list[ObjectChange]) -> str:
+    """Sentence on the objects that a run wrote and did not restore, with the remedy."""
+    what, them = ("1 object", "it") if len(left) == 1 else (f"{len(left)} objects", "them")
     return (
-        f"{node.name}: holds {len(left)} values that a run wrote and did not restore ({', '.join(change.name for change in left[:4])}"
-        f"{', ...' if len(left) > 4 else ''}). Restore them first: twin hil restore {node.number}"
+        f"{node.name}: a killed run left {what} as it wrote {them} ({', '.join(change.name for change in left[:4])}"
+        f"{', ...' if len(left) > 4 else ''}). Restore {them}: twin hil restore {node.number}"
     )
 
 

@@ -10,7 +10,7 @@ from hw_bridge.dictionary import Entry, describe_abort_code
 from hw_bridge.hardware import format_quantity, without_unit
 from hw_bridge.master import Node, SdoError, SilentError, setup
 from hw_bridge.profiles import KIND_OF_OBJECT, Measure, acting, measure
-from twin.errors import CouplingError, SimulationError, nearest
+from twin.errors import CouplingError, SimulationError, suggestion
 from twin.scenario import number
 
 if TYPE_CHECKING:
@@ -90,7 +90,8 @@ def find(objects: Iterable[Entry], word: str) -> list[Entry]:
     selected = [item for item in matches if not (item.sub == 0 and item.title and len(matches) > 1)]
     if not matches and not INDEX.fullmatch(word):
         names = {name(entry) for entry in entries if entry.sub or not entry.title}
-        raise SimulationError(f"{word}: no such object. {nearest(wanted, names)}")
+        near = suggestion(wanted, names) or "Give its index, such as 6085h, or a name of a dump (twin hil dump)."
+        raise SimulationError(f"{word}: no such object. {near}")
     return selected
 
 
@@ -133,7 +134,8 @@ def parse_value(node: Station, entry: Entry, text: str) -> int:
     low = low if entry.low is None else entry.low
     high = high if entry.high is None else entry.high
     if not low <= value <= high:
-        raise SimulationError(f"{title}: {text} is {value}, outside {low} to {high} of the drive's units.")
+        ends = " to ".join(format_value(node, entry, end) for end in (low, high))
+        raise SimulationError(f"{title}: {text} is outside {ends}.")
     return value
 
 

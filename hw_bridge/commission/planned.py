@@ -69,9 +69,10 @@ def limit_note(plan: WritePlan, rows: list[PlannedRow]) -> list[tuple[str, list[
     if not isinstance(plan.node, Node) or not any(row.object.startswith("607Dh") for row in rows):
         return []
     low, high = (format_quantity(end, _unit(plan.node)) for end in plan.node.own.file.position)
+    homing = " from where homing sets it to 0, and is written then" if plan.node.keys.homing is not None else ""
     text = (
-        f"{plan.node.name}: 607Dh counts in the drive, and is a tenth of the range wider than limits.position, {low} to {high}, "
-        "which this program keeps to."
+        f"{plan.node.name}: 607Dh counts in the drive{homing}. It is a tenth of the range wider than limits.position, {low} to "
+        f"{high}, which this program keeps to."
     )
     return [(text, [])]
 
@@ -139,5 +140,5 @@ def _meant(node: Station, index: int, sub: int, value: int | None, is_planned: b
     text = format_value(node, entry, value)
     if is_planned and index == SOFTWARE_LIMIT and isinstance(node, Node) and node.keys.homing is not None:
         homed = node.sign * value * node.units.position + node.keys.homing.at
-        text = text.replace(" (", f", {format_quantity(round(homed, 5), _unit(node))} from home (", 1)
+        text = text.replace(" (", f" in the drive, {format_quantity(round(homed, 5), _unit(node))} from home (", 1)
     return text

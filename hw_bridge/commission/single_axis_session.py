@@ -15,6 +15,7 @@ from hw_bridge.commission.ramp import Ramp
 from hw_bridge.dictionary import Mode, cia402
 from hw_bridge.master import LateCyclePolicy, Master, setup
 from twin.errors import SimulationError
+from twin.process import once
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -193,15 +194,18 @@ class SingleAxisSession:
 
 @contextmanager
 def hangup_as_interrupt() -> Iterator[None]:
-    """Treat SIGHUP as Ctrl-C, so that a closed terminal stops the drive."""
+    """Treat SIGHUP as Ctrl-C, so that a closed terminal stops the drive. A terminal and its shell send several: only the first
+    one interrupts, because another one would interrupt the stop.
+    """
     if not hasattr(signal, "SIGHUP") or threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGHUP, signal.default_int_handler)
+    before = signal.signal(signal.SIGHUP, once)
     try:
         yield
     finally:
-        signal.signal(signal.SIGHUP, before)
+        if signal.getsignal(signal.SIGHUP) is once:  # else it has come, and further ones stay ignored
+            signal.signal(signal.SIGHUP, before)
 
 
 def check_bounded(value: float, limit: float, what: str, source: str, to_text: Callable[[float], str]) -> float:

@@ -252,6 +252,13 @@ def test_another_page_watches_it(drive, served, page, browser):  # noqa: F811
         assert off(line, line.drive("1", "faulhaber_v3"), 1.0)
 
 
+def test_a_page_that_answers_late_is_not_offered_a_motion(drive, page):
+    opened(page, "move")
+    page.evaluate("setTimeout(() => { const end = Date.now() + 400; while (Date.now() < end); }, 0)")
+    page.locator("text=too slow to move").locator("visible=true").first.wait_for()
+    assert page.get_by_role("button", name="move", exact=True).is_disabled()
+
+
 def test_a_page_that_answers_late_says_so_and_a_stopped_move_what_to_do(drive, page):
     """After a pause that is shorter than its limit it warns; after one that is longer the drive stands, in amber."""
     opened(page, "move")

@@ -3,6 +3,7 @@
 Over 400 lines: the steps of one page share its fixtures.
 """
 
+import math
 import re
 import time
 from types import SimpleNamespace
@@ -17,6 +18,7 @@ from hw_bridge.command.commissioning_steps import (
     READING,
     STEPS,
     alternative,
+    closed,
     is_step,
     missing,
     options,
@@ -438,7 +440,9 @@ def test_a_distance_is_refused_where_it_would_leave_the_limits(typed, text, posi
 def test_a_jog_says_what_it_does(typed, last, text):
     """Its button is not shown as held after its dead-man switch has ended the motion, as long as renewals of this press come."""
     one = typed()
-    one.word, one.node, one.running = "jog", "axis", True
+    one.word, one.node, one.running, one.began = "jog", "axis", True, time.monotonic() - 7.1
+    assert motion_state(one) == ("neutral", "starts, 7 s")  # before its first line
+    one.text = "node 3 (axis)"
     assert motion_state(one) == ("neutral", "powering on ... Keys have no effect yet.")
     one.text = f"axis: hold a button; -10.00 mm to 10.00 mm.\n{last}"
     one.motion.process_output(f"{last}\r")
@@ -472,6 +476,17 @@ def test_a_move_needs_one_goal():
     assert missing(move, {"by": "1 mm"}) == missing(move, {"to": "1 mm"}) == ""
     assert missing(move, {"by": ""}) == "Fill in “by”."  # a drive without homing has no “to”
     assert "“to” counts from home" in missing(move, {"to": "1 mm", "from-start": True})
+    by, to = move.entries[:2]
+    assert closed(by, {"by": "", "to": "1 mm"}, 0.0) == "or clear “to (from home)”"
+    assert closed(to, {"by": "1 mm", "to": ""}, 0.0) == "or clear “by”"
+    assert closed(to, {"by": "", "to": ""}, math.inf) == "the drive is not homed"
+    for entry, values in (
+        (by, {"by": ""}),
+        (to, {"by": "", "to": ""}),
+        (to, {"by": "", "to": "1 mm"}),
+        (move.entries[2], {}),
+    ):
+        assert closed(entry, values, 0.0) == ""
 
 
 def test_the_live_state_is_a_line_of_each_drive():
@@ -499,9 +514,12 @@ def test_the_live_state_has_the_values_of_the_command_that_moves_a_drive():
     typed.motion.process_output(line.format("Operation enabled"))
     for text in ("state <b>Operation enabled<", "position <b>7.00 mm from reference<", "velocity <b>2.00 mm/s<"):
         assert text in state_text(typed)
-    typed.motion.process_output(line.format("Switch on disabled"))
+    samples = len(typed.motion.read("current", 0.0, 9.0, 9)[0])
+    typed.motion.process_output(line.replace("0.10 A", "    - A").format("Switch on disabled"))
     typed.running = False
-    assert "state <b>Switch on disabled<" in state_text(typed)
+    for text in ("state <b>Switch on disabled<", "position <b>7.00 mm from reference<", "current <b>-<"):
+        assert text in state_text(typed)
+    assert len(typed.motion.read("current", 0.0, 9.0, 9)[0]) == samples == 1
     watch.rows = {"axis": [("6041h", "Fault")]}
     assert state_text(typed) == '<p><b>axis</b><span title="6041h">state <b>Fault</b></span></p>'
 

@@ -115,7 +115,6 @@ def test_a_tick_holds_what_has_changed():
         "stop": "STOP",
         "operator": True,
         "watching": "",
-        "attend": True,
         "dropped": False,
         "phase": "running",
         "time": 1.25,  # of the values: one age for status, picture and charts
@@ -131,7 +130,7 @@ def test_a_tick_holds_what_has_changed():
     setting.rows["a.x"] = np.array([3.0])
     setting.activity.values["attended"] = False
     tick = json.loads(tick_message(setting.console, "watcher", 10, setting.messages))
-    assert (tick["values"], tick["operator"], tick["attend"]) == ({"a.x": 3.0}, False, False)
+    assert (tick["values"], tick["operator"]) == ({"a.x": 3.0}, False)
     setting.live.values["state"].epoch = 4  # another run: no value of the one before is valid
     tick = json.loads(tick_message(setting.console, "watcher", 10, setting.messages))
     assert (tick["run"], tick["values"]) == (2, {"a.x": 3.0, "a.m": [[1.0, None], [3.0, None]]})
@@ -143,7 +142,6 @@ def test_a_tick_holds_what_has_changed():
         "stop": "",
         "operator": True,
         "watching": "",
-        "attend": False,
         "dropped": False,
         "phase": "",
         "held": {"jog": 0.5},

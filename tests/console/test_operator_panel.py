@@ -36,7 +36,7 @@ SIGNAL = SimpleNamespace(name="a.m", start=[[1.0, 2.0], [3.0, 4.0]], factor=1e3,
         (" 1e-3 ", None, None, 1e-3),
         ("\N{MINUS SIGN}2 cm", None, None, -20.0),
         ("42,5", None, None, "42,5: write a decimal point, not a comma."),
-        ("5 N", None, None, "`5 N` does not convert to mm. Give it as mm."),
+        ("5 N", None, None, "`5 N` does not convert to mm."),
     ],
 )
 def test_what_a_field_takes_and_refuses(text, low, high, value):

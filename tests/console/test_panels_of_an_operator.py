@@ -111,7 +111,7 @@ def test_nothing_is_written_into_a_field_with_the_focus(setting):
         ("", "Expected a number."),
         ("4,5", "4,5: write a decimal point, not a comma."),
         ("ten", "`ten` is not a quantity. Write a number and a unit: 0.2 mm."),
-        ("5 N", "`5 N` does not convert to mm. Give it as mm."),
+        ("5 N", "`5 N` does not convert to mm."),
     ],
 )
 def test_a_number_that_is_refused_is_not_executed(setting, text, why):

@@ -290,7 +290,7 @@ ITEM = "{metric: error, ordered: [PI, PI+FF]}"
             "{metric: error, ordered: [PI, PI+FF], margin: -1 mN}",
             "the margin is below zero. Turn the order around instead.",
         ),
-        ("{metric: error, at_most: 1 m}", "`1 m` does not convert to mN. Give it as mN."),
+        ("{metric: error, at_most: 1 m}", "`1 m` does not convert to mN."),
     ],
 )
 def test_limits_that_contradict_each_other(item: str, line: str) -> None:

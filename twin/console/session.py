@@ -30,10 +30,6 @@ class BackgroundActivity(Protocol):
         """Why no session may use the drives now, or nothing."""
 
     @property
-    def attended(self) -> bool:
-        """Whether a page has to supervise it now."""
-
-    @property
     def controls(self) -> tuple[str, ...]:
         """Names of the controls."""
 

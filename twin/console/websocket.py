@@ -3,7 +3,7 @@
 A page answers each tick with the held controls and the number of the tick, from which the server knows the age of a hold,
 including network delays. Messages are not trusted: see `PageMessages`. To the page:
 
-    {"tick", "stop", "phase", "time", "rate", "achieved", "lag", "epoch", "operator", "watching", "attend", "held", "values", "message",
+    {"tick", "stop", "phase", "time", "rate", "achieved", "lag", "epoch", "operator", "watching", "held", "values", "message",
      "run": its number, after whose change no earlier value is valid; "dropped": the server has dropped this page, which reloads itself,
      "space": what moves in the shown scene in three dimensions, when it has changed}
 
@@ -194,8 +194,7 @@ def tick_message(console: Host, client: str, tick: int, messages: PageMessages) 
     live, lock = console.live, console.operator_lock
     operator = lock.is_operator(client) if lock.operator is not None else None  # null: no page operates
     held = {name: value for activity in console.activities.values() for name, value in activity.held.items()}
-    attend = any(activity.attended for activity in console.activities.values())
-    page = {"tick": tick, "stop": console.stop_label, "operator": operator, "attend": attend}
+    page = {"tick": tick, "stop": console.stop_label, "operator": operator}
     page["watching"] = "" if operator else lock.watching
     page["dropped"] = client not in console.operator_lock.pages
     if live is None:

@@ -11,6 +11,7 @@ from twin.process.stop import SIGNALS as SIGNALS
 from twin.process.stop import Stop as Stop
 from twin.process.stop import handle_signals as handle_signals
 from twin.process.stop import is_interrupted as is_interrupted
+from twin.process.stop import once as once
 from twin.process.supervisor import command_line as command_line
 from twin.process.supervisor import end as end
 from twin.process.supervisor import supervise as supervise

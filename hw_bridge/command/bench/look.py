@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hw_bridge.command.bench import options
 from hw_bridge.command.bench.options import NODE, PROFILE, WIDTH, OptionError, on_a_bus, paragraph, table
 from twin.cli import say
 from twin.errors import SimulationError
@@ -62,6 +63,7 @@ def scan_command(bus: BusChoice) -> None:
                 say(f"  {item.state}")
             if item.fault:
                 paragraph(item.fault, 2)
+            options.note_leftovers(bus, sdo_session.node(str(item.node)), 2)
         if not nodes:
             paragraph(NO_ANSWER)
             sys.exit(1)
@@ -94,11 +96,13 @@ def status_command(bus: BusChoice, node: str, profile: str | None) -> None:
         station = sdo_session.node(node, profile or "")
         report = status(station, reference_of(bus, station))
         say(identity_text(station))
+        changed = {name.removesuffix(".0") for name in options.note_leftovers(bus, station)}
         width = max((len(name) for rows in report.groups.values() for name, _ in rows), default=0)
         for group, rows in report.groups.items():
             if rows:
                 say(group)
-                table([(f"{name:{width}}", value) for name, value in rows], 2)
+                marks = ["  (of the killed run)" * (name.split()[0] in changed) for name, _ in rows]
+                table([(f"{name:{width}}", value + mark) for (name, value), mark in zip(rows, marks, strict=True)], 2)
         say("errors")
         for text in report.errors or ["none"]:
             paragraph(text, 2)

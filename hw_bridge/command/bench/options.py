@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import re
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from hw_bridge.bus import Network
     from hw_bridge.commission import SdoSession
     from hw_bridge.hardware import ModuleKeys, NodeKeys
+    from hw_bridge.master import Station
 
 WIDTH = 80  # columns of a terminal
 LABEL = re.compile(r"(note|differs|warning|refused|not restored): ")  # of a paragraph whose further lines are indented
@@ -48,12 +49,12 @@ class BusChoice:
     """The bus of a command line, by a hardware file or by an interface."""
 
     hardware: Path | None
-    interface: str | None
-    channel: str | None
-    bit_rate: int
-    options: dict[str, Any]
-    trace: Path | None
-    build: Path
+    interface: str | None = None
+    channel: str | None = None
+    bit_rate: int = 0
+    options: dict[str, Any] = field(default_factory=dict)
+    trace: Path | None = None
+    build: Path = Path("build")
 
     @functools.cached_property
     def keys(self) -> HardwareKeys | None:
@@ -132,11 +133,20 @@ class BusChoice:
             yield sdo_session
 
 
-def named(options: tuple[str, ...]) -> dict[str, Any]:
-    """Arguments of python-can's interface by name."""
-    from hw_bridge.command.drive import named as read
+def note_leftovers(bus: BusChoice, station: Station, indent: int = 0) -> set[str]:
+    """Print a note on the objects that a killed run wrote and that are not restored; return their names, such as 6085h.0."""
+    from hw_bridge.commission import nvm
 
-    return read(options)
+    if bus.keys is not None and bus.keys.simulated:  # its drives are new ones
+        return set()
+    try:
+        left = nvm.unrestored_objects(station, bus.journals)
+    except SimulationError as error:  # it is damaged, or a running program holds it
+        paragraph(f"note: {error}", indent)
+        return set()
+    if left:
+        paragraph(f"note: {bus.complete(nvm.unrestored_text(station, left))}", indent)
+    return {change.name for change in left}
 
 
 BUS = (
@@ -201,6 +211,8 @@ def on_a_bus(function: Callable[..., Any]) -> Callable[..., Any]:
         build: Path,
         **others: Any,
     ) -> Any:
+        from hw_bridge.command.drive import named
+
         from_environment = click.get_current_context().get_parameter_source("hardware") is ParameterSource.ENVIRONMENT
         if from_environment and interface:  # what is typed counts
             hardware = None

@@ -64,11 +64,16 @@ def get_command(bus: BusChoice, node: str, names: tuple[str, ...], profile: str 
 @click.argument("name", metavar="OBJECT")
 @click.argument("value")
 @click.option("--store", is_flag=True, help="Also store all parameters of the drive in its nonvolatile memory.")
+@click.option("--dry-run", is_flag=True, help="Show the value before and the new one; write nothing.")
 @SWITCHING
 @PROFILE
 @on_a_bus
-def set_command(bus: BusChoice, node: str, name: str, value: str, store: bool, arm: bool, profile: str | None) -> None:
-    """Write an object of NODE and read it back. VALUE has a unit where the object has one: "200 mm/s", 26h, "-5 mm".
+def set_command(
+    bus: BusChoice, node: str, name: str, value: str, store: bool, dry_run: bool, arm: bool, profile: str | None
+) -> None:
+    """Show an object of NODE before and after, write it, read it back, and print the command that sets it back.
+
+    VALUE has a unit where the object has one: "200 mm/s", 26h, "-5 mm".
 
     Access and range are checked before anything is sent. Objects that move a drive (6040h, targets, modes) are refused, and
     so is a drive that another program drives. Objects that switch an output (60FEh, 6200h, pin functions) and vendor
@@ -97,16 +102,21 @@ def set_command(bus: BusChoice, node: str, name: str, value: str, store: bool, a
             limits.assert_can_stop(station, entry, number, unit)
         switching_needs_arm(bus, station, entry, arm)
         assert_not_driven(station)
-        if left := nvm.unrestored_text(station, bus.journals):
+        if left := nvm.unrestored_objects(station, bus.journals):
+            text = nvm.unrestored_text(station, left)
             if store:
-                raise SimulationError(left)
-            paragraph(f"warning: {bus.complete(left)}")
+                raise SimulationError(text)
+            paragraph(f"warning: {bus.complete(text)}")
         before = objects.upload(station, entry)
+        address = f"{entry.index:04X}h.{entry.sub}"
+        values = " -> ".join(objects.format_value(station, entry, each) for each in (before, number))
+        paragraph(f"{station.name}: {address} {entry.label}: {values}.")
+        if dry_run:
+            say("Nothing is written (--dry-run).")
+            return
         objects.download(station, entry, number)
-        where = f"{station.name}: {entry.index:04X}h.{entry.sub} {entry.label}"
-        paragraph(
-            f"{where}: {objects.format_value(station, entry, number)}, was {objects.format_value(station, entry, before)}."
-        )
+        undo = bus.complete(f"twin hil set {station.number} {address} '{before} raw'")
+        say(f"Back: {undo}{' --store' * store}{' --arm' * arm}")
         if store:
             nvm.store(station, bus.journals)
             say("All parameters are stored.")
@@ -249,6 +259,8 @@ def restore_unfinished(
     for text in (*restored.foreign, *restored.failed):
         paragraph(f"not restored: {text}")
     paragraph(f"{station.name}: {restored.counts}")
+    if restored.restored:
+        paragraph(f"As before: {', '.join(restored.restored)}.", 2)
     return not restored.foreign and not restored.failed
 
 

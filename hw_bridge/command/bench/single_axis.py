@@ -106,9 +106,9 @@ def ORIGIN(command: Callable[..., Any]) -> Callable[..., Any]:  # noqa: N802 - b
 
 
 def hardware(bus: BusChoice) -> HardwareKeys:
-    """The hardware file: motion needs its limits."""
+    """The hardware file; OptionError without one."""
     if bus.keys is None:
-        raise OptionError("Name --hardware FILE: what moves a drive needs the limits that are written there.")
+        raise OptionError("Name the hardware file, which has the limits: -f FILE, or set TWIN_HARDWARE.")
     return bus.keys
 
 
@@ -329,6 +329,8 @@ def show_final(session: SingleAxisSession) -> None:
 
 def show_live(session: SingleAxisSession, is_page: bool = False, is_final: bool = False) -> None:
     """Print position, velocity, current and the session's note on one line, again and again; on a page also the state."""
+    from hw_bridge.dictionary import cia402
+
     node, now = session.node, session.network.now
     if not is_final and (now < session.next_line or session.counts_anew()):
         return
@@ -337,11 +339,12 @@ def show_live(session: SingleAxisSession, is_page: bool = False, is_final: bool 
     mark = {1: ">", -1: "<"}.get((speed > 0) - (speed < 0), " ")
     velocity = node.velocity if is_final else session.mean_velocity()
     position, speed_text = node.format_length(node.position), f"{node.format_length(velocity)}/s"
-    current = node.current
     if is_page:
-        values = f"position {position:>10} {session.origin}, velocity {speed_text:>9}, current {current:6.3f} A, {node.state}"
+        is_off = is_final and node.state in cia402.AT_REST  # its latest current is of before
+        current = f"current {'-' if is_off else f'{node.current:.3f}':>6} A"
+        values = f"position {position:>10} {session.origin}, velocity {speed_text:>9}, {current}, {node.state}"
     else:
-        values = f"{position:>10} {session.origin:<14} {speed_text:>12} {current:6.2f} A"
+        values = f"{position:>10} {session.origin:<14} {speed_text:>12} {node.current:6.2f} A"
     note = f"{NO_DATA} {1e-9 * node.silent * session.cycle:.2f} s" if node.silent > 1 else session.note
     sys.stdout.write(f"\r{mark} {values}   {note:<27}{chr(13) if is_page else ''}")
     sys.stdout.flush()

@@ -95,7 +95,7 @@ class Rig:
         return process.returncode, " ".join(process.communicate()[0].split()), homed
 
     def reset(self):
-        done = CliRunner().invoke(hil.command, ["reset", str(self.bench), "--build", str(self.build)])
+        done = CliRunner().invoke(hil.command, ["reset", "-f", str(self.bench), "--build", str(self.build)])
         assert done.exit_code == 0, f"{done.output}\n{done.exception}"
 
     def fails_with(self, code):

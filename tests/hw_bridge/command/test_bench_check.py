@@ -2,7 +2,6 @@
 
 import re
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -116,7 +115,7 @@ def test_a_doubled_drive_is_not_asked_whether_it_moves(bench):
 
 
 def test_the_command_shows_limits_and_differences(bench):
-    done = CliRunner().invoke(hil.command, ["check", str(bench.file), "--verbose"])
+    done = CliRunner().invoke(hil.command, ["check", "-f", str(bench.file), "--verbose"])
     assert done.exit_code == 0
     lines = done.output.splitlines()
     assert lines[0].startswith("node 3: a drive")
@@ -126,7 +125,7 @@ def test_the_command_shows_limits_and_differences(bench):
     ]
     assert lines[-1] == "Bus and hardware file agree."
     bench.scanned.pop()
-    done = CliRunner().invoke(hil.command, ["check", str(bench.file)])
+    done = CliRunner().invoke(hil.command, ["check", "-f", str(bench.file)])
     assert done.exit_code == 1
     node, difference, verdict = done.output.splitlines()
     assert difference == "differs: other: node 4 does not answer. Check its power and node-ID."
@@ -185,9 +184,13 @@ def test_the_drives_own_position_limits_are_shown_from_home_too(capsys):
     master = SimpleNamespace(keys=keys_of(node), plan=lambda station: plan_drive(station, 5 * MILLISECOND, 127))
     hil.unready(master, node).show(verbose=False)
     text = " ".join(capsys.readouterr().out.split())
-    assert "607Dh.1 Min position limit no limit -2 mm, -42 mm from home 607Dh.2" in text
-    assert "82 mm, 42 mm from home" in text
-    assert "607Dh counts in the drive, and is a tenth of the range wider than limits.position, -35 mm to 35 mm," in text
+    assert "607Dh.1 Min position limit no limit -2 mm in the drive, -42 mm from home 607Dh.2" in text
+    assert "82 mm in the drive, 42 mm from home" in text
+    assert (
+        "607Dh counts in the drive from where homing sets it to 0, and is written then. It is a tenth of the range"
+        in text
+    )
+    assert "A jog or move writes and restores the same without those of homing, and 607Dh" in text
 
 
 @pytest.mark.parametrize(("own", "is_softer"), [(10_000, True), (3_000, False), (2_000, False)])
@@ -213,7 +216,7 @@ def test_what_a_killed_command_left_is_a_problem(monkeypatch, tmp_path):
     findings = hil.unready(master, node)
     assert findings.problems[0].startswith("axis: reports an earlier error (1001h is 11h)")
     assert findings.problems[1].startswith(
-        "axis: a killed command left 1 objects as it wrote them. Reset, then restore"
+        "axis: a killed run left 1 object as it wrote it (6067h.0). Restore it: twin hil restore 3 -f FILE."
     )
     before = next(row[2:4] for row in findings.tables[0][1] if row[0] == "6067h.0")
     assert [text.partition(" ")[0] for text in before] == ["0.007", "0.05"]
@@ -222,10 +225,15 @@ def test_what_a_killed_command_left_is_a_problem(monkeypatch, tmp_path):
 @pytest.mark.parametrize("words", [["check", "-f", "FILE"], ["reset", "-f", "FILE", "axis"], ["reset", "-f", "FILE"]])
 def test_the_hardware_file_is_an_option_too(monkeypatch, tmp_path, words):
     opened = []
-    monkeypatch.setattr(hil, "load", lambda path: opened.append(path) or sys.exit(7))
+    monkeypatch.setattr("hw_bridge.command.bench.options.load", lambda path: opened.append(path) or sys.exit(7))
     line = [str(tmp_path / "b.yaml") if word == "FILE" else word for word in words]
     assert CliRunner().invoke(hil.command, line).exit_code == 7
     assert opened == [tmp_path / "b.yaml"]
+    monkeypatch.setenv("TWIN_HARDWARE", str(tmp_path / "set.yaml"))
+    for each in (line, [word for word in line if word not in ("-f", line[2])]):
+        assert CliRunner().invoke(hil.command, each).exit_code == 7
+    assert opened[1:] == [tmp_path / "b.yaml", tmp_path / "set.yaml"]  # what is typed counts
+    monkeypatch.delenv("TWIN_HARDWARE")
     for wrong in ([words[0]], [words[0], "a.yaml", "axis", "-f", "x"]):
         assert CliRunner().invoke(hil.command, wrong).exit_code == 2
 
@@ -293,12 +301,17 @@ def test_a_drive_leaves_fault(capsys, values, problems, after, is_free, text):
 def test_what_is_not_restored_is_told_after_a_reset(capsys, monkeypatch, tmp_path):
     left = {"axis": [ObjectChange(0x6083, 0, b"\1"), ObjectChange(0x1600, 1, b"\1")], "other": []}
     monkeypatch.setattr("hw_bridge.commission.nvm.unrestored_objects", lambda node, _: left[node.name])
-    for name in left:
-        hil.note_leftovers(SimpleNamespace(name=name), Path("b.yaml"), tmp_path)
+    file = tmp_path / "b.yaml"
+    file.write_text("interface: socketcan\nchannel: can0\nnodes:\n  axis: {node: 3, profile: faulhaber_v3}\n")
+    for name, changes in left.items():
+        names = hil.note_leftovers(hil.BusChoice(file), SimpleNamespace(name=name, number=3))
+        assert names == {change.name for change in changes}
     text = " ".join(capsys.readouterr().out.split())
-    assert text.startswith("note: axis: 2 objects hold what an interrupted run wrote: 6083h.0, 1600h.1. Restore them: ")
-    assert "twin hil restore axis -f b.yaml" in text
-    assert "other" not in text
+    assert text == (
+        f"note: axis: a killed run left 2 objects as it wrote them (6083h.0, 1600h.1). Restore them: twin hil restore 3 -f {file}"
+    )
+    file.write_text("simulated: true\nnodes:\n  axis: {node: 3, profile: faulhaber_v3}\n")
+    assert hil.note_leftovers(hil.BusChoice(file), SimpleNamespace(name="axis", number=3)) == set()  # a new drive
 
 
 @every_case(

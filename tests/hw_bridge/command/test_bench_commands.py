@@ -312,7 +312,7 @@ def test_the_verdict_about_motion_by_hand(run, monkeypatch, inverted, moved, cod
 def test_an_object_is_set_and_read_back(run):
     text = run("set", "axis", "6083h", "0.3 m/s^2")
     assert run.node.server.written == [(0x6083, 0, 300)]
-    assert text.startswith("axis: 6083h.0 Profile acceleration: 0.3 m/s^2 (300), was 1 m/s^2 (1000).")
+    assert text.startswith("axis: 6083h.0 Profile acceleration: 1 m/s^2 (1000) -> 0.3 m/s^2 (300).")
     assert text.endswith("switched off. Keep it: twin hil store 3 -f FILE")
     assert "607Dh is several objects: " in run("set", "axis", "607Dh", "1 mm", code=2)
     assert "acts at once" in run("set", "axis", "6040h", "15", code=1)

@@ -168,7 +168,7 @@ def test_a_simulated_bench(typed, build):
         ("acceleration", "0.4 m/s^2", "up to 4 m/s^2"),
         ("at most, each way", "10 mm", "within the limits"),
         ("by", "", "before homing up to 10 mm"),
-        ("to (from home)", "", "-20 mm to 30 mm"),
+        ("to (from home)", "", "the drive is not homed"),
         ("speed", "2 mm/s", "up to 80 mm/s"),
         ("acceleration", "0.4 m/s^2", "up to 4 m/s^2"),
         ("by", "0.5 mm", "-2.5 mm to 2.5 mm"),
@@ -203,6 +203,7 @@ def test_steps_are_skipped_after_a_question_that_names_them(typed, monkeypatch):
     page = Page(runner.console, lambda: True, runner)
 
     async def confirm(question):
+        assert not switch.value  # while it asks
         asked.append(question)
         return len(asked) > 1
 
@@ -211,7 +212,9 @@ def test_steps_are_skipped_after_a_question_that_names_them(typed, monkeypatch):
     assert (page.commissioned, switch.value) == (set(), False)
     assert "step 6 (direction, push) or 7 (direction, by hand), 8 (jog)." in asked[0][0]
     asyncio.run(step_order.change_order(page, "axis", switch, True))
-    assert page.commissioned == {"axis"}
+    assert (page.commissioned, switch.value) == ({"axis"}, True)
+    asyncio.run(step_order.change_order(page, "axis", switch, True))  # of the switch, which follows the answer
+    assert len(asked) == 2
     asyncio.run(step_order.change_order(page, "axis", switch, False))
     assert page.commissioned == set()
     for line in ("check", "direction axis", "jog axis"):

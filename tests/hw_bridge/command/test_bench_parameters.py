@@ -94,9 +94,22 @@ def test_objects_are_read(run):
 def test_an_object_is_set_and_stored(run):
     text = run("set", "axis", "6083h", "0.3 m/s^2", "--store")
     assert text == (
-        "axis: 6083h.0 Profile acceleration: 0.3 m/s^2 (300), was 1 m/s^2 (1000). All parameters are stored."
+        "axis: 6083h.0 Profile acceleration: 1 m/s^2 (1000) -> 0.3 m/s^2 (300). Back: twin hil set 3 6083h.0 '1000 raw' "
+        "-f bench.yaml --store All parameters are stored."
     )
     assert run.written == [(0x6083, 0, 300), SAVE]
+
+
+def test_a_value_that_is_set_is_shown_first_and_can_be_set_back(run):
+    text = run("set", "axis", "6083h", "0.3 m/s^2", "--dry-run")
+    assert (
+        text == "axis: 6083h.0 Profile acceleration: 1 m/s^2 (1000) -> 0.3 m/s^2 (300). Nothing is written (--dry-run)."
+    )
+    assert run.written == []
+    text = run("set", "axis", "6083h", "0.3 m/s^2")
+    (value,) = re.findall(r"Back: twin hil set 3 6083h.0 '(.*?)' -f bench.yaml It is lost", text)
+    run("set", "axis", "6083h.0", value)
+    assert [value for *_, value in run.written] == [300, 1000]
 
 
 @pytest.mark.parametrize("name", ["quick_stop_deceleration", "6084h"])
@@ -118,7 +131,7 @@ def test_a_stop_that_needs_more_than_the_travel_is_refused(run, name, has_file):
 def test_what_a_killed_run_left_is_told_before_values_are_set_or_stored(run, monkeypatch):
     monkeypatch.setattr(nvm, "unrestored_objects", lambda *_: [ObjectChange(0x6065, 0, b"\1")])
     monkeypatch.setattr(parameters, "is_terminal", lambda: True)
-    left = "axis: holds 1 values that a run wrote and did not restore (6065h.0). Restore them first: twin hil restore 3"
+    left = "axis: a killed run left 1 object as it wrote it (6065h.0). Restore it: twin hil restore 3"
     text = run("set", "axis", "6083h", "0.3 m/s^2")
     assert text.startswith(f"warning: {left} -f bench.yaml axis: 6083h.0")
     assert text.endswith("It is lost when the drive is switched off.")
@@ -250,12 +263,12 @@ def test_a_terminal_asks_before_values_are_stored(run, monkeypatch):
         (
             {"3": Restored(["6083h.0", "6085h.0"]), "5": None},
             0,
-            "axis: 2 objects are as before the run, 0 are not.",
+            "axis: 2 objects are as before the run, 0 are not. As before: 6083h.0, 6085h.0.",
         ),
         (
             {"3": Restored(["6083h.0"], failed=["axis: why"]), "5": None},
             1,
-            "not restored: axis: why axis: 1 objects are as before the run, 1 are not.",
+            "not restored: axis: why axis: 1 objects are as before the run, 1 are not. As before: 6083h.0.",
         ),
         (
             {"3": Restored(foreign=["axis: other"]), "5": Restored()},

@@ -365,7 +365,11 @@ def test_the_line_of_a_jog(capsys, speed, mark):
     single_axis.show_live(
         held, is_page=True, is_final=True
     )  # at once, and as it stands: the ramp may have been cut short
-    assert "\r  position    1.00 mm from start, velocity -2.00 mm/s" in capsys.readouterr().out
+    assert "\r  position    1.00 mm from start, velocity -2.00 mm/s, current  0.256 A" in capsys.readouterr().out
+    node.state = State.DISABLED  # its latest current is of before: no reading
+    single_axis.show_live(held, is_page=True, is_final=True)
+    assert ", current      - A, Switch on disabled" in (off := capsys.readouterr().out)
+    assert single_axis.LIVE_VALUES.match(off[1:])["current"] == "-"
     assert single_axis.LIVE_VALUES.match(line[1:]).groupdict() == {
         "mark": mark,
         "position": "1.00",

@@ -85,6 +85,23 @@ def test_the_command_line_of_a_button(make, word, node, given, words, attended):
     assert typed.busy == busy
 
 
+def test_a_page_that_answers_late_moves_nothing(make, monkeypatch):
+    """It is measured before: a motion that its 0.5 s would end is not offered. What moves nothing goes on."""
+    now = [100.0]
+    monkeypatch.setattr("hw_bridge.command.typed.time.monotonic", lambda: now[0])
+    typed = make()
+    typed.here(0.24)
+    assert typed.late_text == ""
+    typed.here(0.3)
+    with pytest.raises(TwinError, match=r"^This page answers late \(0\.3 s\): too slow to move\. Close other pages"):
+        typed.begin("move", "axis", ["--by=1 mm"])
+    typed.begin("status", "axis")
+    typed.running = False
+    now[0] += 6.0
+    typed.begin("move", "axis", ["--by=1 mm"])
+    assert typed.running
+
+
 def test_the_live_state_begins_by_itself(make, monkeypatch):
     """On a bus that outlives its commands, while no session has the drives; not again after it was switched off, later after it ended."""
     calls = []

@@ -142,7 +142,7 @@ def test_it_stands_within_200_ms_of_the_last_key(drive, jog):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("end", ["kill", "kill again", "hang up", "interrupt", "bus"])
+@pytest.mark.parametrize("end", ["kill", "kill again", "hang up", "hang up twice", "interrupt", "bus"])
 def test_it_stops_whatever_ends_it(drive, jog, hil_command, end):
     """kill -9: by the drive itself, which misses its heartbeat; else by the master."""
     with watching(drive) as line:
@@ -154,8 +154,11 @@ def test_it_stops_whatever_ends_it(drive, jog, hil_command, end):
         elif end == "bus":  # nothing gets through any more, for a second
             request(int(drive.control), Fault(Cause.DROP, duration=1_000_000_000, identifiers=(0, 0x7FF)))
             time.sleep(1.0)
-        elif end == "hang up":
+        elif end.startswith("hang up"):
             os.close(jog.terminal)
+            for _ in range(3 * end.endswith("twice")):  # as the terminal and its shell do
+                jog.send_signal(signal.SIGHUP)
+                time.sleep(1e-4)
         else:
             jog.send_signal(signal.SIGINT)
         assert off(line, node, 2.0)
@@ -164,14 +167,19 @@ def test_it_stops_whatever_ends_it(drive, jog, hil_command, end):
         assert abs(place(node) - there) < 50e-6
         if end == "bus":
             until(jog, b"servomotor: no ")  # heartbeat or process data
-        jog.wait(20)
+        code = jog.wait(20)
+        assert code == 130 or end != "hang up twice"
         if end.startswith("kill") or end == "bus":
             if end != "bus":
                 text = " ".join(hil_command("check", "-f", drive.file, code=1).split())
                 assert "differs: servomotor: reports an earlier error" in text
-                assert "differs: servomotor: a killed command left" in text
+                assert "differs: servomotor: a killed run left" in text
+                for words in (["status", "1"], ["scan"]):  # the values are not the drive's own
+                    told = " ".join(hil_command(*words, "-f", drive.file).split())
+                    assert f"Restore them: twin hil restore 1 -f {drive.file}" in told
+                    assert (words == ["scan"]) is not ("(of the killed run)" in told)
             assert "reports an earlier error" in hil_command("move", 1, "--by", "1 mm", "-f", drive.file, code=1)
-            assert "8130h node guarding or heartbeat" in " ".join(hil_command("reset", drive.file).split())
+            assert "8130h node guarding or heartbeat" in " ".join(hil_command("reset", "-f", drive.file).split())
 
 
 @every_case(

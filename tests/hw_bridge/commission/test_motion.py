@@ -266,7 +266,7 @@ def test_limits_beside_the_drives_own(run, tmp_path):
             "following_error": "20 mm",
         },
     )
-    told = " ".join(run("check", file).split())
+    told = " ".join(run("check", "-f", file).split())
     assert "note: axis: limits.velocity 3000 mm/s is above the drive's own 2000 mm/s (6080h)." in told
     assert "note: axis: limits.force 25 N is above the drive's own 18.39 N (its peak current)." in told
     rows = [Row("velocity", 25.0, 2.0, "6080h", "m/s"), Row("velocity", 1.0, 2.0, "6080h", "m/s")]

@@ -194,7 +194,7 @@ def test_a_value_outside_of_its_range(index):
         return
     assert [parse_value(node, entry, f"{number} raw") for number in (low, high)] == [low, high]
     for number in (low - 1, high + 1):
-        with pytest.raises(SimulationError, match=rf"is {number}, outside {low} to {high} of the drive's units"):
+        with pytest.raises(SimulationError, match=rf"{number} raw is outside \S+ .*to .*\b{high}\b"):
             parse_value(node, entry, f"{number} raw")
 
 
@@ -226,6 +226,10 @@ def test_objects_by_index_and_by_name():
         SimulationError, match=r"^positio_actual_value: no such object\. Did you mean 'position_actual_value' or "
     ):
         find(entries, "positio_actual_value")
+    with pytest.raises(
+        SimulationError, match=r"^x: no such object\. Give its index, such as 6085h, or a name of a dump"
+    ):
+        find(entries, "x")  # not the first ones of the alphabet
 
 
 @pytest.mark.parametrize(("value", "text"), [(12, "12"), (5, "5")])

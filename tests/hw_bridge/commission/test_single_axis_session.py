@@ -1,6 +1,7 @@
 """One drive moved by set-points: what each cycle does, in its order, and how a session begins and ends. Without a bus."""
 
 import signal
+import sys
 from types import SimpleNamespace
 
 import pytest
@@ -21,6 +22,7 @@ from tests.every_case import every_case
 from tests.hw_bridge.axis import node as node_keys
 from tests.hw_bridge.unconnected import unconnected_node
 from twin.errors import SimulationError
+from twin.process import SIGNALS
 
 MS = 1_000_000
 LIMITS = {"position": ["-20 mm", "30 mm"], "velocity": "100 mm/s", "acceleration": "4 m/s^2"}
@@ -209,14 +211,32 @@ def test_an_operator_is_looked_for_in_every_cycle_while_it_runs(monkeypatch):
     assert calls == ["cycle", "cycle", "attend", "cycle"]
 
 
-def test_a_closed_terminal_is_an_interrupt_inside_a_session():
-    before = signal.getsignal(signal.SIGHUP)
+def test_a_closed_terminal_interrupts_a_session_once():
+    """The shell of a closed terminal sends SIGHUP, too: a second interrupt would end the stop of the first."""
+    before = {number: signal.getsignal(number) for number in SIGNALS}
     with hangup_as_interrupt():
-        assert signal.getsignal(signal.SIGHUP) is signal.default_int_handler
-    assert signal.getsignal(signal.SIGHUP) is before
+        assert signal.getsignal(signal.SIGHUP) is not before[signal.SIGHUP]
+    assert signal.getsignal(signal.SIGHUP) is before[signal.SIGHUP]
     with pytest.raises(ValueError, match="x"), hangup_as_interrupt():
         raise ValueError("x")
-    assert signal.getsignal(signal.SIGHUP) is before
+    assert signal.getsignal(signal.SIGHUP) is before[signal.SIGHUP]
+    steps, hook = [], sys.unraisablehook
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            with hangup_as_interrupt():
+                try:
+                    signal.raise_signal(signal.SIGHUP)
+                    steps.append("moves on")
+                finally:
+                    signal.raise_signal(signal.SIGHUP)
+                    steps.append("stopped")
+            steps.append("after it")
+        signal.raise_signal(signal.SIGHUP)  # nor does a late one interrupt the restoration
+    finally:
+        sys.unraisablehook = hook
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    assert steps == ["stopped"]
 
 
 def test_a_hardware_file_is_restricted_to_one_drive():

@@ -12,7 +12,7 @@ from tests.hw_bridge.hardware.test_hardware_file import GOOD
 
 def test_check_says_what_differs(write, build):
     runner = CliRunner()
-    done = runner.invoke(hil.command, ["check", str(write(GOOD)), "--build", str(build)])
+    done = runner.invoke(hil.command, ["check", "-f", str(write(GOOD)), "--build", str(build)])
     assert done.exit_code == 0, done.output
     assert done.stdout.startswith("node 1: FAULHABER Motion Control V3.0, vendor 147h")
     keys = hardware.load(write(GOOD.replace("node: 1", "node: 1, serial: 12")))
@@ -59,7 +59,7 @@ def test_check_notices_two_nodes_with_one_id(write, build, monkeypatch):
 @pytest.mark.slow
 def test_check_says_where_each_limit_acts(write, build, tmp_path):
     done = CliRunner().invoke(
-        hil.command, ["check", "hw_bridge/benches/simulated_racs.yaml", "--verbose", "--build", str(build)]
+        hil.command, ["check", "-f", "hw_bridge/benches/simulated_racs.yaml", "--verbose", "--build", str(build)]
     )
     said = " ".join(done.output.split())
     assert "servomotor_1, servomotor_2: effect of each limit" in said
@@ -69,7 +69,7 @@ def test_check_says_where_each_limit_acts(write, build, tmp_path):
     mclm = tmp_path / "mclm.yaml"
     mclm.write_text("simulated: true\nnodes: {axis: {node: 1, profile: mclm, limits: {actual_value_age: 12 ms}}}\n")
     said = " ".join(
-        CliRunner().invoke(hil.command, ["check", str(mclm), "--verbose", "--build", str(build)]).output.split()
+        CliRunner().invoke(hil.command, ["check", "-f", str(mclm), "--verbose", "--build", str(build)]).output.split()
     )
     assert "acceleration targets of pp and pv; the drive's 6083h, 6084h, 6085h: profile modes and quick stop" in said
     assert "actual_value_age 12 ms" in said
@@ -89,7 +89,7 @@ def test_check_names_a_drive_that_is_enabled(write, build, monkeypatch):
         )
 
     monkeypatch.setattr(Drive, "power_on", left)
-    done = CliRunner().invoke(hil.command, ["check", str(write(GOOD)), "--build", str(build)])
+    done = CliRunner().invoke(hil.command, ["check", "-f", str(write(GOOD)), "--build", str(build)])
     assert done.exit_code == 1
     assert "is in Operation enabled: another program drives it, or left it so. Nothing was written." in " ".join(
         done.output.split()

@@ -155,7 +155,7 @@ def test_identifiers_of_a_fault_as_the_documents_have_them(write):
         (GOOD.replace("servomotor", "wall"), "nodes.wall: Wall has no target_velocity, position_actual_value."),
         (
             GOOD.replace("node: 1", "node: 1, limits: {velocity: 5 deg/s}"),
-            "bench.yaml:3: nodes.servomotor.limits.velocity: `5 deg/s` does not convert to m/s. Give it as m/s. The member moves along a line.",
+            "bench.yaml:3: nodes.servomotor.limits.velocity: `5 deg/s` does not convert to m/s. The member moves along a line.",
         ),
         (GOOD.replace("node: 1", "node: 1, contact: {signal: sensr.force}"), "contact: no member for sensr.force"),
         (

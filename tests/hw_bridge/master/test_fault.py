@@ -78,7 +78,11 @@ def bench(tmp_path, build, monkeypatch):
 
     network.lasting = False
     monkeypatch.setattr(hil, "bench_network", network)
-    return lambda *words: CliRunner().invoke(hil.command, [*words, str(path), "--build", str(build)]), drives, network
+    return (
+        lambda *words: CliRunner().invoke(hil.command, [*words, "-f", str(path), "--build", str(build)]),
+        drives,
+        network,
+    )
 
 
 def test_the_command_resets(bench):

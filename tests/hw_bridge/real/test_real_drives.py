@@ -73,7 +73,7 @@ CASES = {
 def test_scan_check_and_first_motion(bench, case):
     path = bench(*CASES[case])
     assert "node 1 (servomotor): " in run("scan", "-f", path)
-    assert "Bus and hardware file agree." in run("check", path)
+    assert "Bus and hardware file agree." in run("check", "-f", path)
     assert "servomotor: stopped and disabled, at " in run("move", "servomotor", "--by", "1 mm", "-f", path)
     told = run("move", "servomotor", "--by", "-2 mm", "-f", path)
     assert "is at -1.99 mm" in told or "is at -2.00 mm" in told or "is at -2.01 mm" in told
@@ -109,7 +109,7 @@ def test_homing_of_an_mc5004(bench):
 
 
 def test_all_that_an_mc5004_has_not_is_named_before_anything_is_written(bench):
-    told = run("check", bench(*CASES["mc5004"]), "--verbose")
+    told = run("check", "-f", bench(*CASES["mc5004"]), "--verbose")
     for missing in ("603Fh", "607Fh", "60C2h", "60FEh"):
         assert f"note: servomotor: has no {missing} " in told
     assert "has no 6075h, by which its profile scales" in told
@@ -276,7 +276,7 @@ def test_a_position_factor_is_not_an_increment(bench):
         files.record(0x6093, "Position factor", (1, files.U32, "rw", 10, 0), (2, files.U32, "rw", 1, 0)),
     )
     keys = ROTARY + CONSTANT + "    units: {velocity: 1 deg/s, acceleration: 1 deg/s^2, current: 1 mA}\n"
-    told = run("check", bench("cia402", files.gripper(telling=rows), keys), code=1)
+    told = run("check", "-f", bench("cia402", files.gripper(telling=rows), keys), code=1)
     assert "its scale is ASSUMED: units.position: the drive does not tell it" in told
 
 
@@ -284,7 +284,7 @@ def test_a_unit_that_the_drive_holds_as_0_is_assumed_and_not_moved(bench):
     """The EDS file has the object, the drive has nothing in it."""
     empty = files.record(0x608F, "Encoder", (1, files.U32, "ro", 0, 0), (2, files.U32, "ro", 0, 0))
     keys = ROTARY + CONSTANT + "    units: {velocity: 1 deg/s, acceleration: 1 deg/s^2, current: 1 mA}\n"
-    told = run("check", bench("cia402", files.gripper(telling=(empty,)), keys), code=1)
+    told = run("check", "-f", bench("cia402", files.gripper(telling=(empty,)), keys), code=1)
     assert "its scale is ASSUMED: units.position: the drive does not tell it" in told
 
 
@@ -320,13 +320,13 @@ def test_a_unit_that_the_drive_holds_as_0_is_assumed_and_not_moved(bench):
     ids=["heartbeat", "current", "modes", "PDOs", "entries", "fixed"],
 )
 def test_a_generic_drive_that_cannot_be_run_is_refused(bench, eds, text):
-    assert text.replace("\\", "") in run("check", bench("cia402", eds, PP_ONLY), code=1)
+    assert text.replace("\\", "") in run("check", "-f", bench("cia402", eds, PP_ONLY), code=1)
 
 
 def test_a_member_that_is_told_speeds_needs_a_mode(build, bench):
     """Neither csv nor pv: said by check, refused by a run."""
     path = bench("cia402", files.gripper(telling=(ABORT,)), ROTARY + UNITS + CONSTANT)
-    assert "a member that is told speeds needs `follow: {mode: csp}`" in run("check", path)
+    assert "a member that is told speeds needs `follow: {mode: csp}`" in run("check", "-f", path)
     rig = Rig(build, load(path))
     with pytest.raises(SimulationError, match=r"has no mode for csv"):
         rig.go(10)
@@ -335,9 +335,9 @@ def test_a_member_that_is_told_speeds_needs_a_mode(build, bench):
 def test_a_drive_that_may_go_on_alone_is_told_positions_only(bench):
     """No 6007h: what it does without the heartbeat is not known, so that a speed must not be its last target."""
     eds = files.gripper(modes=0x25, velocity=True)
-    told = run("check", bench("cia402", eds, ROTARY + UNITS + CONSTANT), code=1)
+    told = run("check", "-f", bench("cia402", eds, ROTARY + UNITS + CONSTANT), code=1)
     assert "in csv and pv it may go on when this program dies. Correct it, or add `follow: {mode: csp}`" in told
-    assert "Bus and hardware file agree." in run("check", bench("cia402", eds, PP_ONLY))
+    assert "Bus and hardware file agree." in run("check", "-f", bench("cia402", eds, PP_ONLY))
 
 
 def frames_of(rig):

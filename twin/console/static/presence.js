@@ -35,7 +35,7 @@ export default {
       this.connected = true;
       document.body.classList.toggle("twin-watches", !state.operator);
       this.label = state.stop;
-      if (this.attends && state.attend && channel.operator && !document.hidden) channel.send({ here: true, tick: state.tick });
+      if (this.attends && channel.operator && !document.hidden) channel.send({ here: true, tick: state.tick });
       const pace = state.achieved === null || state.achieved === undefined ? "" : `${state.achieved.toFixed(state.achieved < 10 ? 2 : 0)} × real time`;
       const lag = state.lag > 0.05 ? `, ${state.lag.toFixed(2)} s behind the wanted pace` : "";
       const writing = /^writing /.test(state.message) ? state.message : "";

@@ -130,7 +130,7 @@ def number(value: Any, target: str, what: str, is_difference: bool = False) -> f
             text = f"{what}: unit `{symbol}` is not known. {unit.advice(symbol, parts[0])}"
             raise CouplingError(text) from None
         wanted = target or "a plain number"
-        raise CouplingError(f"{what}: `{short(value)}` does not convert to {wanted}. Give it as {wanted}.") from None
+        raise CouplingError(f"{what}: `{short(value)}` does not convert to {wanted}.") from None
     return unit.round_trip(digits * factor + (0.0 if is_difference else offset))
 
 
