@@ -118,7 +118,7 @@ def test_runs_the_latest_first_verdicts_first(run, tmp_path):
         " some:",
         " 2026-01-03_10-00-00  its summary.json cannot be read",
         " 2026-01-02_10-00-00  PASS 1 of 1",
-        " 2026-01-01_10-00-00  FAIL 1 of 2 failed, 1 not judged",
+        " 2026-01-01_10-00-00  FAIL 1 failed · 1 passed · 1 not judged",
         " other:",
         " 2026-01-01_10-00-01  INTERRUPTED",
     ]
