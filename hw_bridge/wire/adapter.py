@@ -74,6 +74,10 @@ def _check_options(interface: str, options: dict[str, Any]) -> None:
 
 def shut_down(bus: can.BusABC) -> None:
     """Shut the bus down within `CLOSING_TIME`; errors of an unplugged adapter are ignored."""
+    if (
+        sys.is_finalizing()
+    ):  # no thread can start any more, and waiting for it would never end: the system closes the adapter
+        return
 
     def close() -> None:
         with suppress(Exception):  # its driver raises whatever it meets

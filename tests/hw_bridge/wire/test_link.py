@@ -3,6 +3,7 @@
 import itertools
 import os
 import select
+import subprocess
 import sys
 import threading
 import time
@@ -246,6 +247,26 @@ def test_a_driver_that_does_not_close_is_left():
     begin = time.monotonic()
     shut_down(Stuck())
     assert time.monotonic() - begin < TIMEOUT
+
+
+def test_a_bus_that_is_closed_while_python_ends_does_not_hang():
+    """A thread that is started then never begins: a jog whose stop was interrupted hung, without an end."""
+    code = """
+import builtins
+from hw_bridge.wire import shut_down
+
+def session():
+    try:
+        yield
+    finally:
+        shut_down(None)
+        print("closed", flush=True)
+
+builtins.session = session()
+next(builtins.session)
+"""
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=TIMEOUT, check=True)
+    assert ended.stdout == "closed\n"
 
 
 REFUSAL = "the adapter refuses frames (its answer is BEL): it is in bus-off, or its channel is closed"
