@@ -115,7 +115,7 @@ def test_what_is_not_finite_is_found_in_an_isolated_member_too(build, tmp_path):
     outcome = run_scenario(
         parse_scenario(text), RunOptions(backend=Backend.compiled, root=tmp_path, build=build, report=False)
     )
-    assert "m.y is inf at t = 21 ms, with finite inputs." in outcome.summary["reason"]
+    assert "m.y is inf at t = 21 ms (in its step from 20 ms to 21 ms), with finite inputs." in outcome.summary["reason"]
 
 
 @pytest.mark.slow

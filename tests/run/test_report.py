@@ -230,7 +230,7 @@ def test_html() -> None:
         "✗ fail",
         "1 passed",
         "stays &lt;in&gt; band",
-        "With a.k 3, 2 of 4 requirements fail",
+        "With a.k 3, &#34;stays &lt;in&gt; band&#34; and &#34;error_std, PI+FF&#34; fail; the first: 0.25\N{NO-BREAK SPACE}N in PI, seed 2.",
         "stiffness",
         "set a.k = 4 N/m",
         "None of its signals was recorded",
@@ -262,7 +262,7 @@ def test_the_first_screen_answers() -> None:
     for text in (
         "✗ 2 failed · 2 passed",
         "1 of 2 published values within their tolerance; twin / paper: 0.14 to 0.98.",
-        "It deviates by 14 mN.",
+        "It deviates by 14\N{NO-BREAK SPACE}mN.",
         "twin view runs/x/2026",
     ):
         assert text in head
