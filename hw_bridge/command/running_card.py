@@ -211,8 +211,6 @@ def now(page: Page, card: Element) -> None:
 
 def motion_state(typed: Typed) -> tuple[str, str]:
     """Kind and sentence of what a running motion does: its page is late, a jog is ready, stopped, at an end; empty without one."""
-    if typed.running and not typed.text:
-        return "neutral", f"starts, {time.monotonic() - typed.began:.0f} s"
     if since := typed.motion.no_data_since:
         return "warn", f"No data since {since}: curves end there, values are the last known."
     if typed.attended and typed.word != "jog" and (late := typed.lateness):
@@ -221,7 +219,8 @@ def motion_state(typed: Typed) -> tuple[str, str]:
             f"This page answers late: {late:.1f} s. After {ATTENDED:g} s the motion is stopped. Close other pages.",
         )
     if not typed.running or typed.word != "jog":
-        return "neutral", ""
+        is_silent = typed.running and not typed.text  # before its first line
+        return "neutral", f"starts, {time.monotonic() - typed.began:.0f} s" * is_silent
     if not typed.controls:
         if typed.motion.has_samples and typed.motion.state != State.ENABLED:
             return "warn", f"{typed.motion.state}: keys have no effect. The command restores the drive and ends."

@@ -440,9 +440,9 @@ def test_a_distance_is_refused_where_it_would_leave_the_limits(typed, text, posi
 def test_a_jog_says_what_it_does(typed, last, text):
     """Its button is not shown as held after its dead-man switch has ended the motion, as long as renewals of this press come."""
     one = typed()
-    one.word, one.node, one.running, one.began = "jog", "axis", True, time.monotonic() - 7.1
+    one.word, one.node, one.running, one.began = "move", "axis", True, time.monotonic() - 7.1
     assert motion_state(one) == ("neutral", "starts, 7 s")  # before its first line
-    one.text = "node 3 (axis)"
+    one.word = "jog"
     assert motion_state(one) == ("neutral", "powering on ... Keys have no effect yet.")
     one.text = f"axis: hold a button; -10.00 mm to 10.00 mm.\n{last}"
     one.motion.process_output(f"{last}\r")

@@ -233,7 +233,7 @@ def test_the_commands(run, tmp_path):
     assert max(map(len, told.splitlines())) <= 80
     assert "2000 mm/s (2000)" in run("get", "1", "max_motor_speed", "-f", FORCE)
     assert run("get", "1", "2FFFh", "-f", FORCE, code=1).count("no object") == 1
-    assert "300 mm/s (300), was 2000 mm/s" in run("set", "1", "6080h", "300 mm/s", "-f", FORCE)
+    assert "2000 mm/s (2000) -> 300 mm/s (300)." in run("set", "1", "6080h", "300 mm/s", "-f", FORCE)
     assert "--store" in run("set", "--help")
     file = tmp_path / "a.dcf"
     assert "218 values" in run("dump", "1", file, "-f", FORCE)
