@@ -368,7 +368,7 @@ def test_nothing_real_moves_without_arm(tmp_path, text, named, is_software):
     bus = choice(tmp_path, text, **named)
     assert bus.is_software is is_software
     if not text:
-        with pytest.raises(click.UsageError, match="Name --hardware FILE"):
+        with pytest.raises(click.UsageError, match="Name the hardware file"):
             assert_armed(bus, True)
         return
     assert_armed(bus, True)

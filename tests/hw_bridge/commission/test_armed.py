@@ -131,7 +131,7 @@ def test_what_moves_is_refused_even_if_armed(bench, word):
 
 def test_parameters_need_no_arm(bench):
     run = bench()
-    assert "was" in run("set", "1", "6067h", "50 raw")
+    assert "-> 0.05 mm (50)" in run("set", "1", "6067h", "50 raw")
     assert bench.drive.dictionary.get(0x6067) == 50
 
 
