@@ -1,8 +1,7 @@
 """Commissioning in the browser: the steps of `twin hil`, from a scan to a step response, on one page.
 
-Each step is a command (`commissioning_steps`, `typed`), with fields for its options; its output is shown. The page holds a button
-and reports its presence; every decision about motion is made in the process of the command. The running command has its card
-in `running_card`.
+Each step is a command (`commissioning_steps`, `typed`), with fields for its options; its output is shown (`running_card`). The page
+holds a button and reports its presence; every decision about motion is made in the process of the command.
 """
 
 from __future__ import annotations

@@ -16,6 +16,24 @@ WIRE_TIP = f"{PICTURE}.frame?.lines[1].at(-1)"
 NO_WEBGL = """const real = HTMLCanvasElement.prototype.getContext;
 HTMLCanvasElement.prototype.getContext = function (kind, ...more) { return kind.startsWith("webgl") ? null : real.call(this, kind, ...more); };"""
 
+# a warning, as the loop would send it; `covered`: whether one is seen, and whether it covers the score or the buttons of 2-D and 3-D
+WARN = """async () => {
+  const { channel } = await import('/console/channel.js');
+  const setPage = async () => { for (let k = 0; k < 10; k++) await null; };  // the page is drawn anew before the next message comes
+  await new Promise((sent) => channel.listeners.add(function warn(state) {
+    if (!state.values) return;
+    channel.listeners.delete(warn);
+    for (const one of channel.listeners) one({ ...state, values: { ...state.values, 'friction.wall_force': 5 } });
+    setPage().then(() => {
+      const boxes = (names) => [...document.querySelectorAll(names)].map((each) => each.getBoundingClientRect()).filter((box) => box.height > 0);
+      const meet = (a, b) => a.top < b.bottom && b.top < a.bottom && a.left < b.right && b.left < a.right;
+      const warnings = boxes('.twin-picture .twin-warning'), others = boxes('.twin-picture .twin-score, .twin-picture .twin-dimensions');
+      window.covered = [warnings.length > 0, warnings.some((one) => others.some((other) => meet(one, other)))];
+      sent();
+    });
+  }));
+}"""
+
 
 @pytest.fixture(scope="module")
 def served(tmp_path_factory, build):
@@ -174,23 +192,7 @@ def test_no_control_moves_under_the_pointer(page_of, served, size):
     page.mouse.up()
     page.wait_for_timeout(700)
     seen.append(page.evaluate(tops))
-    page.evaluate(  # a warning, as the loop would send it
-        """async () => {
-          const { channel } = await import('/console/channel.js');
-          await new Promise((sent) => channel.listeners.add(function warn(state) {
-            if (!state.values) return;
-            channel.listeners.delete(warn);
-            for (const one of channel.listeners) one({ ...state, values: { ...state.values, 'friction.wall_force': 5 } });
-            requestAnimationFrame(() => {
-              const boxes = (names) => [...document.querySelectorAll(names)].map((each) => each.getBoundingClientRect()).filter((box) => box.height > 0);
-              const meet = (a, b) => a.top < b.bottom && b.top < a.bottom && a.left < b.right && b.left < a.right;
-              const warnings = boxes('.twin-picture .twin-warning'), others = boxes('.twin-picture .twin-score, .twin-picture .twin-dimensions');
-              window.covered = [warnings.length > 0, warnings.some((one) => others.some((other) => meet(one, other)))];
-              sent();
-            });
-          }));
-        }"""
-    )
+    page.evaluate(WARN)
     assert page.evaluate("covered") == [True, False]  # the warning has a strip of its own
     seen.append(page.evaluate(tops))
     page.wait_for_timeout(700)
