@@ -171,8 +171,8 @@ def warning_rows(live: LiveSession, end: float = math.inf, with_later: bool = Tr
             samples.time, [samples.values[name] for name in warning_signals(warning)], warning, scale, end
         )
         verdict, later = "fail" if result["duration"] else "pass", result["afterwards"] * with_later
-        is_late = bool(later) and verdict == "pass"
-        rows.append(Row(verdict, warning["text"], result["detail"] + later, is_warned=is_late))
+        is_warned = bool(later) and verdict == "pass"
+        rows.append(Row(verdict, warning["text"], result["detail"] + later, is_warned=is_warned))
     return rows
 
 
